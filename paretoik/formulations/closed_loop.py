@@ -62,27 +62,13 @@ def mean_position_error(motion: AnyMotion) -> AnyValues:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedLoopRun:
-    """Result of a closed loop: its motion and every step's choice.
+    """Result of a closed loop: its motion and every step's choice."""
 
-    Attributes
-    ----------
-    loop
-        Loop that was followed.
-    q
-        Joint positions (time, dof); they end early if the loop was stopped early.
-    F
-        Objectives of the choices (steps, n_obj), minimised.
-    ranges
-        Smallest and largest objectives on the front of each step (steps, n_obj, 2).
-    fronts
-        Records of the requested steps by sample, some with their generations.
-    """
-
-    loop: ClosedLoop
-    q: Float[np.ndarray, "time dof"]
-    F: Objectives
-    ranges: Float[np.ndarray, "steps n_obj 2"]
-    fronts: Mapping[int, StepRecord]
+    loop: ClosedLoop  # loop that was followed
+    q: Float[np.ndarray, "time dof"]  # joint positions, which end early if the loop was stopped early
+    F: Objectives  # objectives of the choices (steps, n_obj), minimised
+    ranges: Float[np.ndarray, "steps n_obj 2"]  # smallest and largest objectives on the front of each step
+    fronts: Mapping[int, StepRecord]  # records of the requested steps by sample, some with their generations
 
     @cached_property
     def task(self) -> MotionTask:
@@ -110,10 +96,7 @@ class ClosedLoopRun:
         return self.F * self.loop.signs
 
     def front(self, provenance: Mapping[str, Any]) -> Front:
-        """Return the motion as a front of one point.
-
-        Its objectives are the means over the steps.
-        """
+        """Return the motion as a front of one point. Its objectives are the means over the steps."""
         loop, motions = self.loop, self.task.motion(self.q[None])
         return Front(
             ids=np.zeros(1, dtype=np.int64),
@@ -134,10 +117,7 @@ class ClosedLoopRun:
 
 
 def explain_choice(front: Front) -> Choice:
-    """Return the motion of a closed loop's front as a choice.
-
-    The reason explains how the steps were chosen.
-    """
+    """Return the motion of a closed loop's front as a choice. The reason explains how the steps were chosen."""
     weights = ", ".join(f"{name} {weight:.0%}" for name, weight in front.provenance["settings"]["weights"].items())
     means = [front.quantity(axis, value) for axis, value in enumerate(front.objectives[0])]
     error = f"{front.provenance['position_error']:.4g} m"
@@ -156,10 +136,7 @@ def explain_choice(front: Front) -> Choice:
 def normalise_weights(
     weights: Weights | Sequence[float] | np.ndarray | None, names: tuple[str, ...]
 ) -> Float[np.ndarray, " n_obj"]:
-    """Return weights in the order of the names, with sum 1.
-
-    None means equal weights. Raises InvalidInput for invalid weights.
-    """
+    """Return weights in the order of the names, with sum 1; None means equal. Raises InvalidInput."""
     if isinstance(weights, Weights):
         unknown = [name for name in weights.weights if name not in names]
         if unknown:
@@ -240,7 +217,6 @@ class ClosedLoop:
         generations: int = 200,
         seed: int = 0,
     ) -> None:
-        """Make the problem; the class describes the parameters."""
         self.objectives = check_objectives(objectives)
         self.names = tuple(each.name for each in self.objectives)
         self.signs = np.array([each.sign for each in self.objectives])
@@ -278,10 +254,7 @@ class ClosedLoop:
         generations: int | None = None,
         seed: int | None = None,
     ) -> ClosedLoop:
-        """Return the same loop with other settings; None keeps the current one.
-
-        Raises InvalidInput, naming the setting that cannot be used.
-        """
+        """Return the same loop with other settings; None keeps the current one. Raises InvalidInput."""
         other = copy(self)
         if start is not None or (seed is not None and seed != self.seed):
             other.__dict__.pop("start", None)
@@ -305,10 +278,7 @@ class ClosedLoop:
 
     @cached_property
     def start(self) -> Float[np.ndarray, " dof"]:
-        """Joint positions at the beginning: given, or found on first use.
-
-        Raises Infeasible if no posture was found that is clear of the obstacles.
-        """
+        """Joint positions at the beginning: given, or found. Raises Infeasible if all postures collide."""
         return search_start(self.task, seed=self.seed) if self._given_start is None else self._given_start
 
     @property
@@ -322,10 +292,7 @@ class ClosedLoop:
         return self.task.redundancy * (self.task.arm.dof + 1)
 
     def __getattr__(self, name: str) -> Any:
-        """Raise InvalidInput for attributes of pymoo problems.
-
-        A loop has a search at every step.
-        """
+        """Raise InvalidInput for attributes of pymoo problems. A loop has a search at every step."""
         if name in ASKED_BY_PYMOO:
             self.evaluate()
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
@@ -364,10 +331,7 @@ class ClosedLoop:
         )
 
     def step_state(self, sample: int, history: Float[np.ndarray, "history dof"] | None = None) -> StepState:
-        """Return the state before the step to a sample.
-
-        ``history`` is that of ``control_step``.
-        """
+        """Return the state before the step to a sample. ``history`` is that of ``control_step``."""
         before = np.tile(self.start, (HISTORY, 1)) if history is None else history
         return state_before(self.task, sample, before, home=self.start, longest=self.longest)
 
@@ -384,21 +348,15 @@ class ClosedLoop:
         )
 
     def prepare(self) -> None:
-        """Search for the start and compile the search before the first step.
-
-        The first step then takes no longer than the others.
-        """
+        """Search for the start and compile the search before the first step."""
         search = self.step_evolution()
         search.generations = 1
         search(self.step_state(1))
 
     def steps(self, record_steps: Collection[int] = ()) -> Iterator[StepRecord]:
-        """Search, choose and step at one sample after the other.
+        """Search, choose and step at one sample after the other (Marcos et al. 2012, Fig. 1).
 
-        ``record_steps`` is that of ``run``.
-
-        Raises Infeasible, naming the step, if no configuration is admissible or none can be reached. Source: Marcos et
-        al. 2012, Fig. 1.
+        ``record_steps`` is that of ``run``. Raises Infeasible, naming the step, if no configuration is admissible.
         """
         search, history = self.step_evolution(), np.tile(self.start, (HISTORY, 1))
         for sample in range(1, len(self.task.times)):
@@ -457,9 +415,7 @@ class ClosedLoop:
         return ClosedLoopRun(loop=self, q=np.array(q), F=np.array(F), ranges=np.array(ranges), fronts=records)
 
     def select(self, front: Front, preference: Preference) -> Choice:
-        """Return the motion with these weights at every step.
-
-        Its settings are those recorded in ``front``.
+        """Return the motion with these weights at every step, else with the settings of ``front``.
 
         Raises InvalidInput for any other preference, and as ``run`` does.
         """
@@ -469,10 +425,7 @@ class ClosedLoop:
         return explain_choice(front)
 
     def reweigh(self, front: Front, preference: Preference) -> ClosedLoop | None:
-        """Return the loop of ``front`` with other weights.
-
-        None if the weights are the same.
-        """
+        """Return the loop of ``front`` with other weights. None if the weights are the same."""
         if not isinstance(preference, Weights):
             raise InvalidInput(f"select: preference must be Weights for a closed loop, got {shown(preference)}")
         weights, settings = normalise_weights(preference, self.names), dict(front.provenance.get("settings", {}))

@@ -45,10 +45,7 @@ from paretoik.task.validation import motion_task
 
 
 def check_objectives(objectives: Sequence[StepObjective | Objective]) -> tuple[StepObjective, ...]:
-    """Return objectives of a step.
-
-    Raises InvalidInput for anything else, for an empty list, and for names that repeat.
-    """
+    """Return objectives of a step. Raises InvalidInput for anything else, and for names that repeat."""
     if not isinstance(objectives, Sequence):
         raise InvalidInput(f"objectives must be a list, got {shown(objectives)}")
     if not objectives:
@@ -71,10 +68,7 @@ def check_limits(limits: Limits | None, *, supported: tuple[str, ...], where: st
 
 
 def check_longest_step(longest_step: object) -> float:
-    """Return the largest move of a joint in a step.
-
-    Raises InvalidInput if it is not a positive number.
-    """
+    """Return the largest move of a joint in a step. Raises InvalidInput if it is not a positive number."""
     longest = real_array("longest_step", longest_step)
     if longest.shape != () or not longest > 0:
         raise InvalidInput(f"longest_step must be a positive number, got {shown(longest_step)}")
@@ -82,18 +76,12 @@ def check_longest_step(longest_step: object) -> float:
 
 
 def read_steps(record_steps: object) -> tuple[Any, ...]:
-    """Return the items of a list of steps, unchecked.
-
-    Raises InvalidInput if it is not a list.
-    """
+    """Return the items of a list of steps, unchecked. Raises InvalidInput if it is not a list."""
     return read_list("record_steps", record_steps, object, "a list of steps")
 
 
 def check_steps(record_steps: Sequence[int], last: int) -> frozenset[int]:
-    """Return the steps of a loop to record.
-
-    Raises InvalidInput if they are not from 1 to the last.
-    """
+    """Return the steps of a loop to record. Raises InvalidInput if they are not from 1 to the last."""
     for step in read_steps(record_steps):
         check_size("record_steps", step, 1)
         if step > last:
@@ -104,10 +92,7 @@ def check_steps(record_steps: Sequence[int], last: int) -> frozenset[int]:
 def check_start(
     task: MotionTask, start: Sequence[float] | np.ndarray, *, name: str = "start"
 ) -> Float[np.ndarray, " dof"]:
-    """Return joint positions to begin in.
-
-    Raises InvalidInput if they exceed a limit or collide with an obstacle.
-    """
+    """Return joint positions to begin in. Raises InvalidInput if they exceed a limit or collide with an obstacle."""
     q: np.ndarray = finite_array(name, start, shape=(task.arm.dof,))
     lower, upper = task.arm.position_limits.T
     tolerance = OPTIONS.bound_tolerance
@@ -187,7 +172,6 @@ class ControlStep(Formulation):
         limits: Limits | None = None,
         longest_step: float = 0.1,
     ) -> None:
-        """Make the problem; the class describes the parameters."""
         self.objectives = check_objectives(objectives)
         check_limits(limits, supported=("position", "velocity", "clearance"), where="in a control step")
         whole = motion_task(
@@ -218,7 +202,7 @@ class ControlStep(Formulation):
             longest=check_longest_step(longest_step),
         )
         self.task = self.state.ending
-        self.name_objectives(self.objectives)
+        self.add_objectives(self.objectives)
         kinds = {"joint step": "rad or m"} if self.state.bounded else {}
         kinds |= {"clearance": "m"} if whole.obstacles else {}
         self.constraint_names, self.constraint_units = tuple(kinds), tuple(kinds.values())
@@ -230,27 +214,18 @@ class ControlStep(Formulation):
         self._score((history[-1] + shortest)[None])  # to raise the errors of the objectives now
 
     def positions(self, genes: Genes) -> Float[np.ndarray, "points dof"]:
-        """Return the joint positions after steps.
-
-        NaN if the extended Jacobian is singular.
-        """
+        """Return the joint positions after steps. NaN if the extended Jacobian is singular."""
         return self.state.shorten(self.state.decode(genes))
 
     @of_genes
     def decode(self, genes: Genes) -> Motion:
-        """Return the motions (points, 4, dof) of genes.
-
-        They end in the joint positions after the step.
-        """
+        """Return the motions (points, 4, dof) of genes. They end in the joint positions after the step."""
         return self.state.motions(self.positions(genes))
 
     def algorithm(
         self, population: int, *, offspring: int | None = None, initial: Genes | None = None
     ) -> GeneticAlgorithm:
-        """Return the paper's NSGA-II.
-
-        It has tournaments, crossover by rows, mutation of one gene, and MaxiMin selection.
-        """
+        """Return the paper's NSGA-II: crossover by rows, mutation of one gene, MaxiMin selection."""
         return GeneticAlgorithm(
             pop_size=population,
             n_offsprings=offspring,
@@ -315,10 +290,7 @@ class AdmissibleChromosomes(Seeded):
 
 
 class ReplaceInadmissible(Repair):  # type: ignore[misc]  # pymoo is not typed
-    """Replace each chromosome with an inadmissible step (section 5.2).
-
-    The new chromosome is random.
-    """
+    """Replace each chromosome with an inadmissible step (section 5.2). The new chromosome is random."""
 
     def do(self, problem: Any, pop: Population, *, random_state: np.random.Generator, **kwargs: object) -> Population:
         """Return the population with these chromosomes replaced."""

@@ -18,6 +18,7 @@ from paretoik.formulations.formulation import Formulation
 from paretoik.formulations.motions import possible_values
 from paretoik.formulations.navigation import navigate, predict
 from paretoik.front.front import Front
+from paretoik.inputs import read_list
 from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.nlp.dense.traced_rows import AssembledRows
 from paretoik.nlp.program import Program, Solver
@@ -38,10 +39,8 @@ from paretoik.task.validation import motion_task
 def function_task(
     arm: Arm, path: Path, objectives: Sequence[Objective], constraints: Sequence[Constraint]
 ) -> MotionTask:
-    """Return a checked task with the user's functions, without limits.
-
-    Motions have as many samples as the path. Raises InvalidInput, naming the function, if one is not usable.
-    """
+    """Return a checked task with the user's functions, without limits. Raises InvalidInput."""
+    read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
     checked = motion_task(
         arm,
         path,
@@ -75,22 +74,16 @@ def read_times(task: MotionTask, motions: Motion) -> bool:
 class WholeProgram:
     """The rows and costs of a formulation, with users' functions.
 
-    base: rows without users' functions
-    base_costs: costs without users' functions
-    task: task with users' functions
-    near: some of the motions
-    lanes: map from the unknowns to motions
     intervals: indices of the unknown intervals, in units of ``pace``, if motions have their own times
-    pace: unit of the intervals [s]
     """
 
-    base: AssembledRows
-    base_costs: Float[np.ndarray, "objectives unknowns"]
-    task: MotionTask
-    near: Motion
-    lanes: LanesOf
+    base: AssembledRows  # rows without users' functions
+    base_costs: Float[np.ndarray, "objectives unknowns"]  # costs without users' functions
+    task: MotionTask  # task with users' functions
+    near: Motion  # some of the motions
+    lanes: LanesOf  # map from the unknowns to motions
     intervals: Int[np.ndarray, " intervals"]
-    pace: float = 1.0
+    pace: float = 1.0  # unit of the intervals [s]
 
     @cached_property
     def own(self) -> TermRows:
@@ -123,9 +116,6 @@ class WholeProgram:
 # Formulations with a small, dense program.
 
 
-OBJECTIVE_TOLERANCE = 1e-6  # share of an objective's size over all points that genes may miss it by
-
-
 class DenseFormulation(Formulation, Differentiable):
     """A pymoo problem with a ``DenseProgram``.
 
@@ -141,7 +131,7 @@ class DenseFormulation(Formulation, Differentiable):
 
     @cached_property
     @abstractmethod
-    def _whole_program(self) -> WholeProgram:
+    def whole_program(self) -> WholeProgram:
         """Rows and costs of the program, with users' functions among them."""
 
     @abstractmethod
@@ -154,22 +144,17 @@ class DenseFormulation(Formulation, Differentiable):
 
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
         """Return the nonlinear program, its objectives divided by ``scales``."""
-        whole, divisors = self._whole_program, np.ones(self.n_obj) if scales is None else scales
+        whole, divisors = self.whole_program, np.ones(self.n_obj) if scales is None else scales
         return DenseProgram(rows=whole.rows, costs=whole.costs / divisors[:, None], objective_names=self.names)
 
     def add_functions(self, task: MotionTask) -> None:
-        """Append users' functions: the objectives and constraints of a task.
-
-        Raises InvalidInput for a name that is taken.
-        """
+        """Append the objectives and constraints of a task. Raises InvalidInput for a name that is taken."""
         taken = (*self.names, *self.constraint_names)
         added = [*(each.name for each in task.objectives), *task.limit_names]
         for name in (name for name in added if name in taken):
             raise InvalidInput(f"{name}: functions must have names other than {', '.join(taken)}, got {name}")
         self.functions = task
-        self.names += tuple(each.name for each in task.objectives)
-        self.units += tuple(each.unit for each in task.objectives)
-        self.maximised += tuple(each.maximise for each in task.objectives)
+        self.add_objectives(task.objectives)
         self.constraint_names += task.limit_names
         self.constraint_units += ("of its range",) * len(task.limit_names)
 
@@ -178,10 +163,7 @@ class DenseFormulation(Formulation, Differentiable):
         return np.zeros(len(genes))
 
     def front_points(self, front: Front) -> Points:
-        """Return the points of a front's genes.
-
-        Raises InvalidInput if the front has no genes.
-        """
+        """Return the points of a front's genes. Raises InvalidInput if the front has no genes."""
         if front.genes is None:
             raise InvalidInput(f"front must have the genes of {', '.join(self.names)}, got a front without")
         return self.points(np.array(front.genes))
@@ -202,14 +184,11 @@ class DenseFormulation(Formulation, Differentiable):
         return x, [self.program()] * len(x)
 
     def individuals(self, x: Points, genes: Genes | None = None) -> Individuals:
-        """Return points as individuals with the values that are certified.
-
-        If the genes of a point miss its objectives, the point is replaced by that of its genes.
-        """
+        """Return points as individuals; a point whose genes miss its objectives is replaced by theirs."""
         rows = self.genes(x) if genes is None else genes
         F, G = self.evaluate(rows, return_values_of=["F", "G"])
         objectives = np.array([self.program().evaluate(one)[0] for one in x])
-        tolerance = OBJECTIVE_TOLERANCE * np.abs(objectives).max(axis=0, initial=0.0)
+        tolerance = 1e-6 * np.abs(objectives).max(axis=0, initial=0.0)  # of an objective's size over all points
         deviates = (np.abs(F - objectives) > tolerance).any(axis=1)
         return Individuals(
             x=np.where(deviates[:, None], self.points(rows), x),
@@ -220,10 +199,7 @@ class DenseFormulation(Formulation, Differentiable):
         )
 
     def values_between(self, front: Front, shares: Values) -> Float[np.ndarray, "gaps shares n_obj"]:
-        """Return minimised objectives between neighbours of a front.
-
-        inf if a point is impossible.
-        """
+        """Return minimised objectives between neighbours of a front. inf if a point is impossible."""
         x = self.front_points(front)
         between = x[:-1, None] + shares[:, None] * np.diff(x, axis=0)[:, None]
         F, G = self.evaluate(self.genes(between.reshape(-1, x.shape[1])), return_values_of=["F", "G"])
@@ -240,11 +216,7 @@ class DenseFormulation(Formulation, Differentiable):
     def cold_search(
         self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> StartSearch:
-        """Return the search for optima without initial points.
-
-        Each start whose arm the motors can hold is refined. ``starts`` is the number of starts, 48 if None. They are
-        drawn up to ten times, since the motors cannot hold the arm in some postures.
-        """
+        """Return the search for optima from ``starts`` starts, 48 if None, that the motors can hold."""
         starts, rng = COLD.starts if starts is None else starts, np.random.default_rng(seed)
         x = self.points(self.sample_starts(starts, rng))
         for _ in range(10):
@@ -266,10 +238,7 @@ class DenseFormulation(Formulation, Differentiable):
 
 
 def front_sliders(actuation: Actuation, shares: np.ndarray) -> np.ndarray:
-    """Return front sliders [m] at shares (..., dof) of their range.
-
-    0 if motors are at the joints.
-    """
+    """Return front sliders [m] at shares (..., dof) of their range. 0 if motors are at the joints."""
     if not isinstance(actuation, DistributedActuation):
         return np.zeros((*shares.shape[:-1], actuation.dof))
     low, high = actuation.front_bounds.T

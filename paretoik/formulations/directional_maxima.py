@@ -44,18 +44,16 @@ from paretoik.formulations.dense_formulation import (
     slider_shares,
 )
 from paretoik.formulations.formulation import of_genes
-from paretoik.inputs import check_flag, check_seed, check_size, finite_array, read_list
+from paretoik.inputs import check_flag, check_seed, check_size, finite_array
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask, evaluate_motions, examine_functions, require_values
+from paretoik.task.motion_task import evaluate_motions, examine_functions, require_values
 from paretoik.task.objectives import Objective
 from paretoik.task.random_starts import order_by_neighbour, wrap_difference
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract, task_errors
-
-# Configurations at a position: posture, sliders, joint speeds, forces in several directions, and limits.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,146 +80,6 @@ class Maxima:
     holds: Bool[np.ndarray, " points"]  # whether all motors can hold the posture
     span: Float[np.ndarray, " points"]  # mean range of joint speeds
     free: Float[np.ndarray, "points dof redundancy"]  # directions of the self-motion
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Configurations:
-    """Configurations of an arm whose tool is at rest.
-
-    stationary: task with the tool at rest
-    directions: directions (count, task) of speeds and forces
-    quantities: quantity to maximise in each direction
-    """
-
-    arm: Arm
-    actuation: Actuation
-    stationary: MotionTask
-    directions: Float[np.ndarray, "directions task"]
-    quantities: tuple[Quantity, ...]
-
-    @cached_property
-    def moving(self) -> Bool[np.ndarray, " directions"]:
-        """Mask of the directions whose quantity is speed, not force."""
-        return np.array([quantity == "velocity" for quantity in self.quantities])
-
-    def bases(self, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "bases dof"]:
-        """Return postures at least 0.1 rad or m apart, ordered by neighbourhood."""
-        bases = list[np.ndarray]()
-        for posture in q:
-            distances = np.abs(wrap_difference(np.reshape(bases, (-1, len(posture))) - posture, self.arm.periodic))
-            if distances.max(axis=1).min(initial=np.inf) > 0.1:
-                bases.append(posture)
-        return order_by_neighbour(self.arm, np.array(bases))
-
-    def sizes(self, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, " directions"]:
-        """Return the highest speed [m/s] or force [N] along each direction.
-
-        It is the highest over all postures and sliders.
-
-        Raises InvalidInput, naming the direction, for a force that no motor bounds in any posture.
-        """
-        sizes, moving = np.empty(len(self.directions)), self.moving
-        if moving.any():
-            sizes[moving] = np.nanmax(values_at(self.arm, self.actuation, self.directions[moving], "velocity", q))
-        if moving.all():
-            return sizes
-        if not any(np.isfinite(curve.stall).any() for curve in self.actuation.curves):
-            raise InvalidInput("actuation must have a motor with a finite stall, to bound forces, got none")
-        columns = kinematics.jacobian(self.arm, q)[:, : self.directions.shape[1]]
-        shares, lengths = np.abs(self.directions @ columns), np.linalg.norm(columns, axis=1)
-        limited = np.isfinite(torque_capacity(self.actuation, q)[0])
-        bears = ((shares > FACETS.orthogonal * lengths[:, None]) & limited[:, None]).any(axis=2)
-        for k in np.flatnonzero(~moving & ~bears.any(axis=0)):
-            raise InvalidInput(
-                f"direction {k + 1} must load some motor of {self.arm.name}, got "
-                f"{self.directions[k].round(4).tolist()}, along which no motor bears a force: it has no bounds"
-            )
-        forces = values_at(self.arm, self.actuation, self.directions[~moving], "force", q)
-        sizes[~moving] = forces[bears[:, ~moving]].max()
-        return sizes
-
-    def frames(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return directions across and along the self-motion.
-
-        Shapes: (batch, dof, rows) and (batch, dof, redundancy).
-        """
-        jacobian = task_errors(self.arm, self.stationary.tasks, q, self.stationary.targets[0])[1]
-        basis = np.linalg.qr(jacobian.swapaxes(-1, -2), mode="complete")[0]
-        rows = self.stationary.rows
-        return basis[..., :rows], basis[..., rows:]
-
-    def maxima(self, q: Joints, front: Joints) -> Maxima:
-        """Return postures' (points, dof) highest speed and force along each direction."""
-        torque = gravity_torques(self.arm, q)
-        low, high = speeds_at_sliders(self.actuation, q, torque, front)
-        holds = ~np.isnan(high).any(axis=1)
-        low, high = (np.where(holds[:, None], each, 0.0) for each in (low, high))
-        columns = kinematics.jacobian(self.arm, q)[:, : self.directions.shape[1]]
-        values, count = np.empty((len(q), len(self.directions))), int(self.moving.sum())
-        # Speeds: max v subject to J dq = v d, low ≤ dq ≤ high.
-        at_each, lowest, highest = (np.repeat(each, count, axis=0) for each in (columns, low, high))
-        ways = np.tile(self.directions[self.moving], (len(q), 1))
-        speeds, dq = fastest_joint_speeds(at_each, lowest, highest, ways)
-        values[:, self.moving] = speeds.reshape(len(q), count)
-        # Forces: max f subject to |f Jᵀ d + torque| ≤ capacity.
-        capacity = np.where(holds[:, None], torques_at_sliders(self.actuation, q, front), np.abs(torque))
-        downwards, upwards = np.minimum(-capacity - torque, 0.0), np.maximum(capacity - torque, 0.0)
-        forces = greatest_forces(columns, downwards, upwards, self.directions[~self.moving])
-        values[:, ~self.moving] = np.where(holds[:, None], forces, 0.0)
-        return Maxima(
-            values=values,
-            dq=dq.reshape(len(q), count, q.shape[1]),
-            torque=torque,
-            low=low,
-            high=high,
-            holds=holds,
-            span=np.maximum((high - low).mean(axis=1), 1e-12),
-            free=self.frames(q)[1],
-        )
-
-    def at_pace(
-        self, q: Joints, front: Joints, pace: np.ndarray, self_motion: np.ndarray, off_path: np.ndarray
-    ) -> Configuration:
-        """Return configurations at shares of their highest speeds, with all excesses.
-
-        pace: shares (points, speeds) of the highest speeds
-        self_motion: speeds along the self-motion (points, speeds, redundancy), in mean ranges of joint speeds
-        off_path: mask of the points that miss the position
-
-        Forces are the greatest ones: smaller ones would save nothing.
-        """
-        best, actuation = self.maxima(q, front), self.actuation
-        span = best.span[:, None, None]
-        dq = pace[..., None] * best.dq + span * np.einsum("pjr,pkr->pkj", best.free, self_motion)
-        values = best.values.copy()
-        values[:, self.moving] *= pace
-        lower, upper = self.arm.position_limits.T
-        limit_excess = np.maximum(np.maximum(q - upper, lower - q).max(axis=1), -1.0)
-        slider_excess = np.zeros(len(q))
-        if isinstance(actuation, DistributedActuation):  # excess of back sliders, and of the sines of rods' angles
-            back, angle = actuation.gears(q, front)[0], actuation.angles(q)
-            low, high = actuation.back_bounds.T
-            back_excess = np.maximum(back - high, low - back) / actuation.rod
-            angle_excess = np.sin(actuation.least_angle) - np.sin(angle)
-            slider_excess = np.maximum(back_excess, angle_excess).max(axis=1) - LIMIT_TOLERANCE
-        speed_excess = np.maximum(dq - best.high[:, None], best.low[:, None] - dq) / span
-        shares = np.where(best.holds, speed_excess.max(axis=(1, 2), initial=-1.0) - LIMIT_TOLERANCE, 0.0)
-        excess = [off_path.astype(float), limit_excess, (~best.holds).astype(float), slider_excess, shares]
-        return Configuration(
-            q=q,
-            front=front,
-            values=values,
-            dq=dq,
-            power=np.abs(best.torque[:, None] * dq).sum(axis=-1),
-            excess=np.stack(excess, axis=1),
-        )
-
-    def slider_speeds(self, at: Configuration, torque: np.ndarray) -> np.ndarray:
-        """Return slider speeds (points, directions, 2, dof) that turn the joints.
-
-        Each is in proportion to its highest speed.
-        """
-        return motor_speeds(self.actuation, at.q[:, None], at.front[:, None], torque[:, None], at.dq)[0]
 
 
 # Trade-offs between directions as a pymoo problem.
@@ -309,8 +167,6 @@ class DirectionalMaxima(DenseFormulation):
         starts: int = 400,
         seed: int = 0,
     ) -> None:
-        """Make the problem; the class describes the parameters."""
-        read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_actuation(actuation, arm)
         check_size("starts", starts, 1)
         check_seed("seed", seed)
@@ -319,7 +175,7 @@ class DirectionalMaxima(DenseFormulation):
         self.position = finite_array("position", position, (task,))
         self.directions = unit_directions(directions, task)
         count = len(self.directions)
-        quantities = quantities_along(quantity, count)
+        self.quantities = quantities = quantities_along(quantity, count)
         if power is not None:
             check_flag("power", power)
         if power and "velocity" not in quantities:
@@ -330,43 +186,94 @@ class DirectionalMaxima(DenseFormulation):
         self.maximised = (*(True,) * count, *(False,) * self.power)
         self.stationary = stationary_task(arm, self.position)
         self.add_functions(function_task(arm, self.stationary.tasks[0].path, objectives, constraints))
-        self.configurations = Configurations(
-            arm=arm,
-            actuation=actuation,
-            stationary=self.stationary,
-            directions=self.directions,
-            quantities=quantities,
-        )
-        postures = sample_holdable_postures(arm, actuation, self.position, starts, np.random.default_rng(seed))
-        self.bases = self.configurations.bases(postures)
-        self.base_count, self.sizes = len(self.bases), self.configurations.sizes(self.bases)
+        bases = list[np.ndarray]()  # postures at least 0.1 rad or m apart
+        for posture in sample_holdable_postures(arm, actuation, self.position, starts, np.random.default_rng(seed)):
+            distances = np.abs(wrap_difference(np.reshape(bases, (-1, arm.dof)) - posture, arm.periodic))
+            if distances.max(axis=1).min(initial=np.inf) > 0.1:
+                bases.append(posture)
+        self.bases = order_by_neighbour(arm, np.array(bases))
+        self.base_count, self.sizes = len(self.bases), self._largest_values(self.bases)
         sizes = list(self._gene_counts.values())
         low = np.repeat([0.0, -RANGES.self_motion, 0.0, 0.0, -RANGES.speed], sizes)
         high = np.repeat([1.0, RANGES.self_motion, 1.0, 1.0, RANGES.speed], sizes)
         super().__init__(low, high)
-        self._check_functions()
-
-    def _check_functions(self) -> None:
-        """Raise for functions without values or with constant objectives.
-
-        InvalidInput names an objective that is the same in all postures.
-        """
         motions = self._motions(self.bases)
-        for objective, values in zip(self.functions.objectives, require_values(self.functions, motions).T, strict=True):
+        for each, values in zip(self.functions.objectives, require_values(self.functions, motions).T, strict=True):
             if len(values) > 1 and np.ptp(values) == 0:
                 raise InvalidInput(
-                    f"{objective.name} must be a function of the posture, got one that is the same in all: the arm "
-                    "stands still"
+                    f"{each.name} must be a function of the posture, got one that is the same in all: the arm stands "
+                    "still"
                 )
         examine_functions(self.functions, motions)
 
     @cached_property
-    def frames(self) -> tuple[np.ndarray, np.ndarray]:
-        """Directions across and along the self-motion at every base.
+    def moving(self) -> Bool[np.ndarray, " directions"]:
+        """Mask of the directions whose quantity is speed, not force."""
+        return np.array([quantity == "velocity" for quantity in self.quantities])
 
-        Shapes: (bases, dof, rows) and (bases, dof, redundancy).
+    def _largest_values(self, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, " directions"]:
+        """Return the highest speed [m/s] or force [N] along each direction, over all postures and sliders.
+
+        Raises InvalidInput, naming the direction, for a force that no motor bounds.
         """
-        return self.configurations.frames(self.bases)
+        sizes, moving = np.empty(len(self.directions)), self.moving
+        if moving.any():
+            sizes[moving] = np.nanmax(values_at(self.arm, self.actuation, self.directions[moving], "velocity", q))
+        if moving.all():
+            return sizes
+        if not any(np.isfinite(curve.stall).any() for curve in self.actuation.curves):
+            raise InvalidInput("actuation must have a motor with a finite stall, to bound forces, got none")
+        columns = kinematics.jacobian(self.arm, q)[:, : self.directions.shape[1]]
+        shares, lengths = np.abs(self.directions @ columns), np.linalg.norm(columns, axis=1)
+        limited = np.isfinite(torque_capacity(self.actuation, q)[0])
+        bears = ((shares > FACETS.orthogonal * lengths[:, None]) & limited[:, None]).any(axis=2)
+        for k in np.flatnonzero(~moving & ~bears.any(axis=0)):
+            raise InvalidInput(
+                f"direction {k + 1} must load some motor of {self.arm.name}, got "
+                f"{self.directions[k].round(4).tolist()}, along which no motor bears a force: it has no bounds"
+            )
+        forces = values_at(self.arm, self.actuation, self.directions[~moving], "force", q)
+        sizes[~moving] = forces[bears[:, ~moving]].max()
+        return sizes
+
+    def _frames_at(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return directions across (batch, dof, rows) and along (batch, dof, redundancy) the self-motion."""
+        jacobian = task_errors(self.arm, self.stationary.tasks, q, self.stationary.targets[0])[1]
+        basis = np.linalg.qr(jacobian.swapaxes(-1, -2), mode="complete")[0]
+        return basis[..., : self.stationary.rows], basis[..., self.stationary.rows :]
+
+    @cached_property
+    def _base_frames(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._frames_at(self.bases)
+
+    def maxima(self, q: Joints, front: Joints) -> Maxima:
+        """Return postures' (points, dof) highest speed and force along each direction."""
+        torque = gravity_torques(self.arm, q)
+        low, high = speeds_at_sliders(self.actuation, q, torque, front)
+        holds = ~np.isnan(high).any(axis=1)
+        low, high = (np.where(holds[:, None], each, 0.0) for each in (low, high))
+        columns = kinematics.jacobian(self.arm, q)[:, : self.directions.shape[1]]
+        values, count = np.empty((len(q), len(self.directions))), int(self.moving.sum())
+        # Speeds: max v subject to J dq = v d, low ≤ dq ≤ high.
+        at_each, lowest, highest = (np.repeat(each, count, axis=0) for each in (columns, low, high))
+        ways = np.tile(self.directions[self.moving], (len(q), 1))
+        speeds, dq = fastest_joint_speeds(at_each, lowest, highest, ways)
+        values[:, self.moving] = speeds.reshape(len(q), count)
+        # Forces: max f subject to |f Jᵀ d + torque| ≤ capacity.
+        capacity = np.where(holds[:, None], torques_at_sliders(self.actuation, q, front), np.abs(torque))
+        downwards, upwards = np.minimum(-capacity - torque, 0.0), np.maximum(capacity - torque, 0.0)
+        forces = greatest_forces(columns, downwards, upwards, self.directions[~self.moving])
+        values[:, ~self.moving] = np.where(holds[:, None], forces, 0.0)
+        return Maxima(
+            values=values,
+            dq=dq.reshape(len(q), count, q.shape[1]),
+            torque=torque,
+            low=low,
+            high=high,
+            holds=holds,
+            span=np.maximum((high - low).mean(axis=1), 1e-12),
+            free=self._frames_at(q)[1],
+        )
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of bases at their highest speeds, with random sliders."""
@@ -378,17 +285,47 @@ class DirectionalMaxima(DenseFormulation):
         return rows
 
     def configuration(self, genes: Genes) -> Configuration:
-        """Return the postures, sliders and speeds of genes (points, n_var)."""
-        part = self._parts(genes)
+        """Return the postures, sliders and speeds of genes (points, n_var), with all excesses.
+
+        Forces are the greatest ones: smaller ones would save nothing.
+        """
+        part, actuation = self._parts(genes), self.actuation
         which = self.base_indices(genes)
-        across, along = (each[which] for each in self.frames)
+        across, along = (each[which] for each in self._base_frames)
         base = self.bases[which] + np.einsum("pjr,pr->pj", along, part["self_motion"])
         retracted = retract(self.arm, self.stationary.tasks, base, self.stationary.targets[0], across)
-        front = front_sliders(self.actuation, part["front"])
-        pace = part["pace"]
-        joint_shares = part["joint_shares"].reshape(*pace.shape, self.stationary.redundancy)
-        off_path = retracted.error > ON_PATH_TOLERANCE
-        return self.configurations.at_pace(retracted.q, front, pace, joint_shares, off_path)
+        q, front, pace = retracted.q, front_sliders(actuation, part["front"]), part["pace"]
+        best = self.maxima(q, front)
+        # Joint speeds: shares of the highest ones, and motion along the self-motion in mean ranges of joint speeds.
+        span, joint_shares = best.span[:, None, None], part["joint_shares"]
+        joint_shares = joint_shares.reshape(*pace.shape, self.stationary.redundancy)
+        dq = pace[..., None] * best.dq + span * np.einsum("pjr,pkr->pkj", best.free, joint_shares)
+        values = best.values.copy()
+        values[:, self.moving] *= pace
+        lower, upper = self.arm.position_limits.T
+        limit_excess = np.maximum(np.maximum(q - upper, lower - q).max(axis=1), -1.0)
+        slider_excess = np.zeros(len(q))
+        if isinstance(actuation, DistributedActuation):  # excess of back sliders, and of the sines of rods' angles
+            back, angle = actuation.gears(q, front)[0], actuation.angles(q)
+            low, high = actuation.back_bounds.T
+            back_excess = np.maximum(back - high, low - back) / actuation.rod
+            angle_excess = np.sin(actuation.least_angle) - np.sin(angle)
+            slider_excess = np.maximum(back_excess, angle_excess).max(axis=1) - LIMIT_TOLERANCE
+        speed_excess = np.maximum(dq - best.high[:, None], best.low[:, None] - dq) / span
+        shares = np.where(best.holds, speed_excess.max(axis=(1, 2), initial=-1.0) - LIMIT_TOLERANCE, 0.0)
+        off_path, unheld = (each.astype(float) for each in (retracted.error > ON_PATH_TOLERANCE, ~best.holds))
+        return Configuration(
+            q=q,
+            front=front,
+            values=values,
+            dq=dq,
+            power=np.abs(best.torque[:, None] * dq).sum(axis=-1),
+            excess=np.stack([off_path, limit_excess, unheld, slider_excess, shares], axis=1),
+        )
+
+    def slider_speeds(self, at: Configuration, torque: np.ndarray) -> np.ndarray:
+        """Return slider speeds (points, directions, 2, dof), each in proportion to its highest."""
+        return motor_speeds(self.actuation, at.q[:, None], at.front[:, None], torque[:, None], at.dq)[0]
 
     @of_genes
     def decode(self, genes: Genes) -> Motion:
@@ -399,7 +336,7 @@ class DirectionalMaxima(DenseFormulation):
         return self.functions.motion(np.repeat(q[:, None], len(self.functions.times), axis=1))
 
     @cached_property
-    def _whole_program(self) -> WholeProgram:
+    def whole_program(self) -> WholeProgram:
         """Rows and costs of posture, sliders and speeds."""
         program, count = self._unscaled, len(self.directions)
         costs = np.zeros((count + self.power, program.unknowns))
@@ -424,7 +361,7 @@ class DirectionalMaxima(DenseFormulation):
         motors = at.dq[:, :, None]
         if isinstance(self.actuation, DistributedActuation):
             z[:, program.slices["front"]] = at.front
-            motors = self.configurations.slider_speeds(at, torque)
+            motors = self.slider_speeds(at, torque)
         z[:, program.slices["motors"]] = motors.reshape(len(genes), math.prod(motors.shape[1:]))
         z[:, program.slices["values"]] = at.values
         if self.power:
@@ -432,7 +369,7 @@ class DirectionalMaxima(DenseFormulation):
             z[:, program.slices["work"]] = work.reshape(len(genes), -1)
             z[:, program.slices["power"]] = work.sum(axis=-1).max(axis=1, keepdims=True)
         return np.concatenate(
-            [z / program.scale(self.sizes), self._whole_program.own.values(self._motions(at.q))], axis=1
+            [z / program.scale(self.sizes), self.whole_program.own.values(self._motions(at.q))], axis=1
         )
 
     def genes(self, x: Float[np.ndarray, "points unknowns"]) -> Genes:
@@ -441,15 +378,15 @@ class DirectionalMaxima(DenseFormulation):
         q, values = (np.array([part[name] for part in parts]) for name in ("q", "values"))
         differences = wrap_difference(q[:, None] - self.bases, self.arm.periodic)
         which = np.linalg.norm(differences, axis=2).argmin(axis=1)
-        self_motion = np.einsum("pjr,pj->pr", self.frames[1][which], differences[np.arange(len(q)), which])
+        self_motion = np.einsum("pjr,pj->pr", self._base_frames[1][which], differences[np.arange(len(q)), which])
         genes, front = [((which + 0.5) / len(self.bases))[:, None], self_motion], np.zeros_like(q)
         motors = np.array([part["motors"] for part in parts])
         if isinstance(self.actuation, DistributedActuation):
             front = np.array([part["front"] for part in parts])
             genes.append(np.clip(slider_shares(self.actuation, front), 0.0, 1.0))
         dq = (self.actuation.ratios(q, front)[:, None] * motors).sum(axis=2)
-        best = self.configurations.maxima(q, front)
-        speeds, fastest = (each[:, self.configurations.moving] for each in (values, best.values))
+        best = self.maxima(q, front)
+        speeds, fastest = (each[:, self.moving] for each in (values, best.values))
         pace = np.clip(speeds / np.where(fastest > 0, fastest, 1.0), 0.0, 1.0)
         along = (dq - pace[..., None] * best.dq) / best.span[:, None, None]
         joint_shares = np.einsum("pjr,pkj->pkr", best.free, along)
@@ -462,14 +399,14 @@ class DirectionalMaxima(DenseFormulation):
         return DirectionalProgram(
             arm=self.arm,
             actuation=self.actuation,
-            quantities=self.configurations.quantities,
+            quantities=self.quantities,
             power=self.power,
         )
 
     @cached_property
     def _gene_counts(self) -> dict[str, int]:
         """Number of genes of each kind, in order."""
-        free, speeds = self.stationary.redundancy, int(self.configurations.moving.sum())
+        free, speeds = self.stationary.redundancy, int(self.moving.sum())
         slides = self.arm.dof * isinstance(self.actuation, DistributedActuation)
         return {"place": 1, "self_motion": free, "front": slides, "pace": speeds, "joint_shares": speeds * free}
 

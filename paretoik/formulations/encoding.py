@@ -20,16 +20,13 @@ from paretoik.task.self_motion import Charts, build_charts
 class EncodingOptions:
     """Settings of the splines and of their charts.
 
-    degree: degree of the splines
-    coefficients: least number of coefficients, and the number on paths with enough samples
     radii: radii that are tried as a chart's reach
-    deviation: approximate size of the coefficients of sampled motions, as a share of the charts' reach
     """
 
-    degree: int = 3
-    coefficients: tuple[int, int] = (4, 12)
+    degree: int = 3  # degree of the splines
+    coefficients: tuple[int, int] = (4, 12)  # least number of coefficients, and the number on paths with enough samples
     radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)  # rad, arm's lengths; ascending
-    deviation: float = 0.3
+    deviation: float = 0.3  # approximate size of the coefficients of sampled motions, as a share of the charts' reach
 
 
 OPTIONS = EncodingOptions()
@@ -87,10 +84,7 @@ class Encoding:
     def encode(
         self, task: MotionTask, which: Int[np.ndarray, " motions"], q: JointPaths
     ) -> tuple[Genes, Float[np.ndarray, " motions"]]:
-        """Return genes of motions around bases ``which``, and the spline's errors.
-
-        An error is the distance [rad, arm's length] between spline and motion.
-        """
+        """Return genes of motions around bases ``which``, and their distances [rad, arm's length]."""
         y = self.charts.coordinates(task, which, q) / self.radius[which][..., None]
         fitted = np.einsum("kt,ptr->prk", np.linalg.pinv(self.spline), y)
         deviation = np.abs(np.einsum("tk,prk->ptr", self.spline, fitted) - y) * self.radius[which][..., None]
@@ -98,10 +92,9 @@ class Encoding:
         return genes, deviation.max(axis=(1, 2))
 
     def encode_nearest(self, task: MotionTask, q: JointPaths) -> tuple[Genes, Float[np.ndarray, " motions"]]:
-        """Return genes of motions within bounds, and their errors.
+        """Return genes of motions within bounds, and their distances [rad, arm's length].
 
-        An error is the distance [rad, arm's length] between a motion and that of its genes. Each motion is encoded
-        around the base whose decoded genes are nearest to it in every joint at every sample.
+        A motion is encoded around the base whose decoded genes are nearest in every joint at every sample.
         """
         genes, deviation = np.zeros((len(q), len(self.bounds[0]))), np.full(len(q), np.inf)
         for base in range(self.bases):
@@ -113,10 +106,7 @@ class Encoding:
         return genes, deviation
 
     def sample(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes of ``count`` smooth motions near the bases.
-
-        The first ones are the bases, then the bases take turns.
-        """
+        """Return genes of ``count`` smooth motions near the bases; the first ones are the bases."""
         which = np.arange(count) % self.bases
         shape = (count, self.redundancy, 1)
         tilt = rng.normal(size=shape) + rng.normal(size=shape) * np.linspace(-1, 1, self.coefficients)
@@ -125,10 +115,7 @@ class Encoding:
 
 
 def choose_coefficients(coefficients: int | None, samples: int) -> int:
-    """Return the number of spline coefficients; None means the default.
-
-    Raises InvalidInput if it is too small for a spline or too large for the samples.
-    """
+    """Return the number of spline coefficients; None means the default. Raises InvalidInput."""
     if coefficients is None:
         return int(np.clip(samples - 2, *OPTIONS.coefficients))
     check_size("coefficients", coefficients, OPTIONS.coefficients[0])
@@ -141,23 +128,7 @@ def choose_coefficients(coefficients: int | None, samples: int) -> int:
 
 def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coefficients: int) -> Encoding:
     """Return the encoding around base motions, with the measured charts' reach."""
-    charts = build_charts(task, base)
-    return Encoding(charts=charts, radius=_reach(task, charts), spline=_spline(task, coefficients))
-
-
-def clamped_spline(t: Float[np.ndarray, " time"], coefficients: int) -> Float[np.ndarray, "time coefficients"]:
-    """Return the basis of a clamped cubic B-spline at times in [0, 1].
-
-    The spline begins and ends at its first and last coefficient.
-    """
-    inner = np.linspace(0, 1, coefficients - OPTIONS.degree + 1)
-    knots = np.concatenate([np.zeros(OPTIONS.degree), inner, np.ones(OPTIONS.degree)])
-    basis: np.ndarray = BSpline.design_matrix(t, knots, OPTIONS.degree).toarray()
-    return basis
-
-
-def _spline(task: MotionTask, coefficients: int) -> Float[np.ndarray, "time coefficients"]:
-    """Return the C² cubic basis of a task's coordinates."""
+    # the C² cubic basis of the task's coordinates
     t, degree = task.times / task.times[-1], OPTIONS.degree
     has_start = task.start is not None
     count = coefficients + has_start
@@ -171,20 +142,25 @@ def _spline(task: MotionTask, coefficients: int) -> Float[np.ndarray, "time coef
         basis = clamped_spline(t, count + task.ends_at_rest)
         if task.ends_at_rest:
             basis = np.concatenate([basis[:, :-2], basis[:, -2:].sum(axis=1, keepdims=True)], axis=1)
-    if not has_start:
-        return basis
-    # Without this member all others are zero at the first sample, and as local as before.
-    pivot = int(np.argmax(basis[0]))
-    remainder = basis - np.outer(basis[:, pivot], basis[0] / basis[0, pivot])
-    remainder[0] = 0.0
-    return np.delete(remainder, pivot, axis=1)
+    if has_start:  # without this member all others are zero at the first sample, and as local as before
+        pivot = int(np.argmax(basis[0]))
+        remainder = basis - np.outer(basis[:, pivot], basis[0] / basis[0, pivot])
+        remainder[0] = 0.0
+        basis = np.delete(remainder, pivot, axis=1)
+    charts = build_charts(task, base)
+    return Encoding(charts=charts, radius=_reach(task, charts), spline=basis)
+
+
+def clamped_spline(t: Float[np.ndarray, " time"], coefficients: int) -> Float[np.ndarray, "time coefficients"]:
+    """Return the basis of a clamped cubic B-spline at times in [0, 1]."""
+    inner = np.linspace(0, 1, coefficients - OPTIONS.degree + 1)
+    knots = np.concatenate([np.zeros(OPTIONS.degree), inner, np.ones(OPTIONS.degree)])
+    basis: np.ndarray = BSpline.design_matrix(t, knots, OPTIONS.degree).toarray()
+    return basis
 
 
 def _reach(task: MotionTask, charts: Charts) -> Float[np.ndarray, "bases time"]:
-    """Return each chart's reach: the largest radius completely on the path.
-
-    It is smoothed in time.
-    """
+    """Return each chart's reach: the largest radius completely on the path. It is smoothed in time."""
     from scipy.ndimage import gaussian_filter1d, minimum_filter1d  # imported here: needed at start-up only
 
     bases, times, _, redundancy = charts.null_space.shape

@@ -74,10 +74,7 @@ def of_genes(decode: Callable[[Self, Genes], Decoded]) -> Callable[[Self, Genes]
 
 
 def check_motions(motions: object, task: MotionTask, *, samples: int | None = None) -> None:
-    """Raise InvalidInput unless these are motions of a task's joints.
-
-    If ``samples`` is given, they must have this number of samples.
-    """
+    """Raise InvalidInput unless these are motions of a task's joints, with ``samples`` if given."""
     shape = motions.q.shape if isinstance(motions, Motion) else ()
     if len(shape) != 3 or shape[2] != task.arm.dof or (samples is not None and shape[1] != samples):
         raise InvalidInput(f"motions must be motions (points, time, {task.arm.dof}), got {shown(motions)}")
@@ -92,17 +89,14 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     genes or sampling keep these.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    maximised: tuple[bool, ...]
+    names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    maximised: tuple[bool, ...] = ()
     constraint_names: tuple[str, ...]
     _repr_html_ = html_representation
 
     def __init__(self, low: Float[np.ndarray, " genes"], high: Float[np.ndarray, " genes"]) -> None:
-        """Make a problem with the named objectives and constraints.
-
-        Genes are from ``low`` to ``high``.
-        """
+        """Make a problem with the named objectives and constraints. Genes are from ``low`` to ``high``."""
         counts = {"n_obj": len(self.names), "n_ieq_constr": len(self.constraint_names)}
         super().__init__(n_var=len(low), xl=low, xu=high, **counts)
 
@@ -115,31 +109,25 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     def __str__(self) -> str:
         return repr(self)  # in place of pymoo's text
 
-    def name_objectives(self, objectives: Sequence[Objective | StepObjective]) -> None:
-        """Take names, units and senses of objectives."""
-        self.names = tuple(each.name for each in objectives)
-        self.units = tuple(each.unit for each in objectives)
-        self.maximised = tuple(each.maximise for each in objectives)
+    def add_objectives(self, objectives: Sequence[Objective | StepObjective]) -> None:
+        """Append names, units and senses of objectives."""
+        self.names += tuple(each.name for each in objectives)
+        self.units += tuple(each.unit for each in objectives)
+        self.maximised += tuple(each.maximise for each in objectives)
 
     def sampling(self) -> Sampling:
         """Return a pymoo sampling: first the problem's own starts, then random genes."""
         return Seeded(None)
 
     def check_genes(self, name: str, X: object, *dimensions: int) -> Genes:
-        """Return finite genes in rows, or a single row.
-
-        Raises InvalidInput, with ``name``, for anything else.
-        """
+        """Return finite genes in rows, or a single row. Raises InvalidInput, with ``name``, for anything else."""
         genes = finite_array(name, X)
         if genes.ndim not in dimensions or genes.shape[-1] != self.n_var:
             raise InvalidInput(f"{name} must be rows of {self.n_var} genes, got shape {genes.shape}")
         return genes
 
     def evaluate(self, X: Genes, *args: Any, algorithm: Any = None, **kwargs: Any) -> Any:
-        """Evaluate genes as pymoo's problems do.
-
-        ``algorithm`` is the caller.
-        """
+        """Evaluate genes as pymoo's problems do. ``algorithm`` is the caller."""
         X = self.check_genes("X", X, 1, 2)
         sampling = getattr(getattr(algorithm, "initialization", None), "sampling", None)
         if algorithm is None or algorithm.is_initialized or type(sampling) not in RANDOM:

@@ -28,9 +28,9 @@ from paretoik.task.task import describe_errors
 def values_between(
     task: MotionTask, q: Float[np.ndarray, "motions time dof"], shares: Float[np.ndarray, " shares"]
 ) -> Float[np.ndarray, "gaps shares n_obj"]:
-    """Return minimised objectives at shares of the way between consecutive motions.
+    """Return minimised objectives at shares of the way between motions; inf if impossible.
 
-    inf if a motion is impossible. Joints take the shortest way, without whole turns of periodic ones.
+    Joints take the shortest way, without whole turns of periodic ones.
     """
     motions = _motions_between(task, q, shares)
     with np.errstate(all="ignore"):  # off the path any value may occur
@@ -42,10 +42,7 @@ def values_between(
 def points_between(
     task: MotionTask | None, x: Points, shares: Float[np.ndarray, " shares"]
 ) -> list[Float[np.ndarray, " between *point"]]:
-    """Return the points at shares of the way between consecutive points.
-
-    Only motions on their path are returned.
-    """
+    """Return the points at shares of the way between consecutive points. Only motions on their path are returned."""
     if task is None:
         between = x[:-1, None] + shares.reshape(-1, *[1] * (x.ndim - 1)) * np.diff(x, axis=0)[:, None]
         return list(between)
@@ -70,10 +67,7 @@ def _motions_between(task: MotionTask, q: np.ndarray, shares: np.ndarray) -> Ret
 def possible_values(
     F: Float[np.ndarray, "points n_obj"], violation: Float[np.ndarray, "points limits"]
 ) -> Float[np.ndarray, "points n_obj"]:
-    """Return objectives; inf without a value or with large violations.
-
-    A violation is large if a limit is exceeded by more than its whole range.
-    """
+    """Return objectives; inf without a value, or if a limit is exceeded by more than its range."""
     possible = np.isfinite(F).all(axis=1) & ~(violation > 1.0).any(axis=1)
     return np.where(possible[:, None], F, np.inf)
 
@@ -85,10 +79,10 @@ STORED_TOLERANCE = 1e-9  # largest distance of a stored motion from its path [ar
 
 
 def restore_motions(problem: Any, front: Front) -> Any:
-    """Return the motions of a stored front, with their arm.
+    """Return the motions of a stored front with their arm, from joint positions or else from genes.
 
-    They come from its joint positions, or else from its genes. Raises InvalidRun as ``motions_of_task`` does, and if a
-    loop's distance from its path (Marcos et al. 2012, Eq. 23) differs from that in its run.
+    Raises InvalidRun as ``motions_of_task`` does, and if a loop's distance from its path (Marcos et al. 2012, Eq. 23)
+    is not that of its run.
     """
     if front.motions is None:
         return None
@@ -109,10 +103,9 @@ def restore_motions(problem: Any, front: Front) -> Any:
 
 
 def motions_of_task(problem: Any, stored: JointMotions, ids: Sequence[int]) -> Motion | None:
-    """Return stored motions with the arm of a task.
+    """Return stored motions with a task's arm, joints matched by name; None if times differ.
 
-    Joints are matched by name. None if the times of motions and task differ. Raises InvalidRun if the joints differ, or
-    if a motion is off the path although the problem follows it exactly. Loops and resolvers have errors of their own.
+    Raises InvalidRun if joints differ, or if a motion leaves a path that the problem follows exactly.
     """
     task: MotionTask = problem.task
     q, names = np.asarray(stored.q), list(stored.arm.joint_names)

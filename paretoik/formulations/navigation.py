@@ -30,10 +30,20 @@ from paretoik.pareto.navigation import Aim, Destination, FrontPoints, Wish, move
 from paretoik.pareto.placement import POINT_TOLERANCE
 from paretoik.runs.machine import single_blas_thread
 
+
+@dataclass(frozen=True, kw_only=True)
+class FrontNavigationOptions:
+    """Settings of points that satisfy limits between samples."""
+
+    rounds: int = 3  # number of times that a point is solved again: tighter limits, or a better point
+    between: float = 1e-8  # largest violation of limits between samples, as a share of their ranges
+    tolerance: float = 10 * POINT_TOLERANCE  # distance below which points are the same
+    met: float = 1e-6  # share of a requested change that may be missed without a remark: solvers are inexact
+
+
+OPTIONS = FrontNavigationOptions()
+
 # Result of a move along a front: sentences for people, numbers for programs.
-
-
-MET = 1e-6  # share of a requested change that may be missed without a remark, since solvers are inexact
 
 
 def describe_move(
@@ -95,7 +105,7 @@ def _moved(
         text = f"{front.names[k]} {change[k]:+.4g} {front.units[k]}".rstrip()
         if k == request.improve:
             share = abs(change[k]) / request.by
-            text += " as asked" if abs(share - 1) <= MET else f", {share:.1%} of what was asked"
+            text += " as asked" if abs(share - 1) <= OPTIONS.met else f", {share:.1%} of what was asked"
         elif np.isfinite(predicted[k]) and predicted[k] != 0:
             text += f" ({predicted[k]:+.4g} by the exchange rates there)"
         parts.append(text)
@@ -139,29 +149,13 @@ def _how(front: Front, request: NavigationRequest, destination: Destination) -> 
 # Moves along a front: goal, certificate, and new point.
 
 
-@dataclass(frozen=True, kw_only=True)
-class FrontNavigationOptions:
-    """Settings of points that satisfy limits between samples.
-
-    rounds: number of times that a point is solved again, for tighter limits or because a better point exists
-    between: largest violation of limits between samples, as a share of their ranges
-    tolerance: distance below which points are the same
-    """
-
-    rounds: int = 3
-    between: float = 1e-8
-    tolerance: float = 10 * POINT_TOLERANCE
-
-
-OPTIONS = FrontNavigationOptions()
 _STARTS: WeakKeyDictionary[Front, dict[tuple[int, bytes, bytes, bytes], Optimum | None]] = WeakKeyDictionary()
 
 
 def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
-    """Return the front with the certified point of a request.
+    """Return the front with the certified point of a request, or with a note about a better one.
 
-    If the front already has a better point, it gets a note about that one instead. Raises Infeasible if no point is
-    better in the requested objective.
+    Raises Infeasible if no point is better in the requested objective.
     """
     formulation: Differentiable = problem
     task = ProblemParts(problem).task
@@ -203,7 +197,7 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
 def predict(problem: Any, front: Front, request: NavigationRequest) -> Prediction:
     """Return the predicted result of a move, by derivatives at its start.
 
-    Raises InvalidInput if optima cannot be followed, and Infeasible if derivatives give no prediction.
+    Raises InvalidInput if optima cannot be followed, Infeasible without a prediction.
     """
     formulation: Differentiable = problem
     with single_blas_thread():
@@ -249,10 +243,9 @@ def _aim(front: Front, request: NavigationRequest, program: Program) -> Aim:
 
 
 def natural_weights(front: Front, row: int) -> Float[np.ndarray, " n_obj"]:
-    """Return the weights of minimised objectives at a point, in natural units.
+    """Return the weights of minimised objectives at a point in natural units, the largest 1.
 
-    The largest weight is 1. The weights follow from the exchange rates, which do not depend on ranges; without exchange
-    rates, from the weights themselves.
+    They follow from the exchange rates, which do not depend on ranges; without these, from the weights.
     """
     assert front.certificates is not None
     weights = front.certificates.weights[row] / widths_of(front)
@@ -305,18 +298,14 @@ def _add(
             q=np.concatenate([np.asarray(before.q)[stay], new.q]),
         )
     violation = certificates.violation if front.violation is None else front.violation
-    joined = Front(
+    joined = replace(
+        front,
         ids=np.append(front.ids[stay], id),
         objectives=np.concatenate([front.objectives[stay], individual.objectives * signs]),
-        names=front.names,
-        units=front.units,
-        maximised=front.maximised,
         genes=genes,
         motions=motions,
         violation=np.append(violation[stay], certificate.violation),
         certificates=concatenate([certificates[stay], certificate]),
-        ranges=front.ranges,
-        provenance=front.provenance,
         problem=problem,
     )
     return replace(joined, motions=restore_motions(problem, joined))

@@ -19,9 +19,10 @@ from jaxtyping import Float
 
 from paretoik.arrays import Genes, JointPaths
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
+from paretoik.capability.joint_capability import joint_speeds, overload_error
 from paretoik.capability.point_to_point_program import PointToPointProgram, Timing, minimum_timing, require_weight
-from paretoik.capability.postures import stationary_task
-from paretoik.errors import InvalidInput
+from paretoik.capability.postures import restrict_to_rods, sample_holdable_postures, stationary_task
+from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.formulations.dense_formulation import (
     DenseFormulation,
     WholeProgram,
@@ -30,16 +31,191 @@ from paretoik.formulations.dense_formulation import (
     read_times,
     slider_shares,
 )
+from paretoik.formulations.encoding import clamped_spline
 from paretoik.formulations.formulation import of_genes
-from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths, range_excess
-from paretoik.inputs import check_flag, check_size, finite_array, read_list
+from paretoik.inputs import check_flag, check_size, finite_array
 from paretoik.robot.arm import Arm
+from paretoik.robot.dynamics import gravity_torques
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, evaluate_motions
-from paretoik.task.objectives import Objective
-from paretoik.task.path import line
-from paretoik.task.retraction import ON_PATH_TOLERANCE
+from paretoik.task.objectives import Objective, joint_travel
+from paretoik.task.path import line, waypoints
+from paretoik.task.random_starts import rollout_starts, travelling_starts
+from paretoik.task.retraction import ON_PATH_TOLERANCE, retract, task_errors
+from paretoik.task.validation import motion_task
+
+# Initial paths: splines in different postures, straight or bowed.
+
+
+@dataclass(frozen=True, kw_only=True)
+class InitialPathOptions:
+    """Settings of the search for initial paths."""
+
+    rollouts: int = 256  # number of sampled postures at each end, and of sampled motions of each kind along a line
+    bows: tuple[float, ...] = (0.5, 1.0, 2.0)  # sideways, as shares of a straight line that cannot be followed
+    fixed_sliders: int = 5  # number of places at which fixed sliders are tried
+    work_unit: float = 1e-6  # J: smallest unit; without gravity there is no work
+    distance: float = 0.2  # rad or m: least distance between the coefficients of two paths
+
+
+PATHS = InitialPathOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InitialPaths:
+    """Splines of joint positions, and of sliders as shares of their range."""
+
+    q: Float[np.ndarray, "bases coefficients dof"]  # rad, m: coefficients of joint positions
+    shares: Float[np.ndarray, "bases coefficients dof"]  # coefficients of sliders, as shares of their range
+    spline: Float[np.ndarray, "time coefficients"]  # matrix from coefficients to samples
+    across: Float[np.ndarray, "bases 2 dof rows"]  # directions in which either end is retracted
+    pace: float  # s: mean interval of the quickest path
+    work_unit: float  # J: mean work of a motor in that path
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients of all joints."""
+        return int(np.prod(self.q.shape[1:]))
+
+    def finer(self, times: int) -> Float[np.ndarray, "fine coefficients"]:
+        """Return the spline with samples that are ``times`` times finer."""
+        samples = times * (len(self.spline) - 1) + 1
+        return clamped_spline(np.linspace(0.0, 1.0, samples), self.spline.shape[1])
+
+
+def range_excess(
+    arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths
+) -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
+    """Return the largest excess of joints [rad, m] and sliders [shares of the rod] over their bounds."""
+    lower, upper = arm.position_limits.T
+    joints = np.maximum(np.maximum(q - upper, lower - q).max(axis=(1, 2)), -1.0)
+    if not isinstance(actuation, DistributedActuation):
+        return joints, np.full(len(q), -1.0)
+    back, angle = actuation.gears(q, front)[0], actuation.angles(q)
+    excess = list[np.ndarray]()
+    for place, (low, high) in ((front, actuation.front_bounds.T), (back, actuation.back_bounds.T)):
+        excess += [(place - high) / actuation.rod, (low - place) / actuation.rod]
+    excess.append(np.sin(actuation.least_angle) - np.sin(angle))
+    return joints, np.max(excess, axis=(0, 2, 3))
+
+
+def find_initial_paths(
+    arm: Arm,
+    actuation: Actuation,
+    start: Float[np.ndarray, " task"],
+    target: Float[np.ndarray, " task"],
+    *,
+    samples: int,
+    coefficients: int,
+    bases: int,
+    seed: int,
+) -> InitialPaths:
+    """Return at most ``bases`` paths that motors can hold, the quickest first.
+
+    Paths are straight, or bowed sideways if a straight one cannot be followed. Raises OutOfReach and Infeasible.
+    """
+    restricted, rng = restrict_to_rods(arm, actuation), np.random.default_rng(seed)
+    basis = clamped_spline(np.linspace(0.0, 1.0, samples), coefficients)
+    task, q_samples = _follow_lines(restricted, actuation, start, target, samples, rng)
+    splines = _fit_spline(basis, q_samples)
+    shares = _initial_sliders(actuation, arm, basis, splines)
+    splines = np.repeat(splines, len(shares) // len(splines), axis=0)
+    q, front = basis @ splines, front_sliders(actuation, basis @ shares)
+    with np.errstate(invalid="ignore"):
+        timing, excess = minimum_timing(arm, actuation, q, front), range_excess(arm, actuation, q, front)
+    worst = np.nan_to_num(np.maximum(np.maximum(excess[0], timing.overload), excess[1]), nan=1e3)
+    feasible = np.flatnonzero((worst <= 0) & np.isfinite(timing.duration))
+    if not len(feasible):  # a search may still find feasible sliders: keep the least-violating paths
+        holdable = ~np.isnan(joint_speeds(actuation, q, gravity_torques(arm, q)).high).any(axis=(1, 2))
+        if not holdable.any():
+            index = int(np.argmin(worst))
+            load = gravity_torques(arm, q[index])
+            sample = int(np.isnan(joint_speeds(actuation, q[index], load).high).any(axis=1).argmax())
+            raise overload_error(actuation, arm, q[index, sample], load[sample])
+        feasible = np.flatnonzero(holdable)[np.argsort(worst[holdable])][:bases]
+    order = feasible[np.argsort(np.nan_to_num(timing.duration[feasible], nan=np.inf), kind="stable")]
+    rows = [int(order[0])]  # the first few that are far enough from each other
+    for row in order[1:]:
+        if len(rows) < bases and np.abs(splines[rows] - splines[row]).max(axis=(1, 2)).min() > PATHS.distance:
+            rows.append(int(row))
+    # The directions in which the task changes at either end are those of the Jacobian's rows.
+    jacobian = task_errors(task.arm, task.tasks, splines[:, [0, -1]], task.targets[[0, -1]])[1]
+    return InitialPaths(
+        q=splines[rows],
+        shares=shares[rows],
+        spline=basis,
+        across=np.linalg.qr(jacobian.swapaxes(-1, -2))[0][rows],
+        pace=float(np.nan_to_num(timing.duration[rows[0]], nan=1.0)) / (samples - 1),
+        work_unit=max(float(np.nan_to_num(timing.work[rows[0]], nan=1.0).mean()), PATHS.work_unit),
+    )
+
+
+def _follow_lines(
+    arm: Arm, actuation: Actuation, start: np.ndarray, target: np.ndarray, samples: int, rng: np.random.Generator
+) -> tuple[MotionTask, Float[np.ndarray, "found time dof"]]:
+    """Return the first line that can be followed, straight before bowed, and motions along it."""
+    lines = [line(start, target, duration=1.0, samples=samples, timing="uniform")]
+    sideways = np.linalg.svd((target - start)[None])[2][1:] * np.linalg.norm(target - start)
+    for bow in PATHS.bows:
+        middles = [(start + target) / 2 + bow * side for side in (*sideways, *-sideways)]
+        lines += [
+            waypoints(np.stack([start, middle, target]), duration=1.0, samples=samples, timing="uniform")
+            for middle in middles
+        ]
+    for name, place in (("start", start), ("target", target)):
+        try:
+            sample_holdable_postures(arm, actuation, place, PATHS.rollouts, rng)
+        except (OutOfReach, Infeasible) as fault:
+            fault.args = (f"{name}: {fault}",)
+            raise
+    faults = list[OutOfReach | Infeasible]()
+    for path in lines:
+        task = motion_task(arm, path, objectives=[joint_travel], differences="backward")
+        try:
+            return task, np.concatenate(
+                [rollout_starts(task, PATHS.rollouts, rng), travelling_starts(task, PATHS.rollouts, rng)]
+            )
+        except (OutOfReach, Infeasible) as fault:
+            faults.append(fault)
+    faults[0].args = (f"start to target: no path was found, straight or bowed; straight, the {faults[0]}",)
+    raise faults[0]
+
+
+def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+    """Return slider coefficients to try, grouped by path.
+
+    Candidates are the sliders at which joints are fastest, sliders in the middle of the feasible range, and fixed
+    sliders: the fastest ones may need long travel.
+    """
+    if not isinstance(actuation, DistributedActuation):
+        return np.zeros_like(coefficients)
+    q = basis @ coefficients
+    speeds = joint_speeds(actuation, q, gravity_torques(arm, q))
+    fastest = np.where(np.isnan(speeds.high), np.nan, slider_shares(actuation, speeds.front_high))
+    best = np.clip(_fit_spline(basis, np.nan_to_num(fastest, nan=0.5)), 0.0, 1.0)
+    fixed = np.linspace(0.0, 1.0, PATHS.fixed_sliders)[:, None, None] * np.ones_like(best[:1])
+    steady = np.repeat(best.mean(axis=1, keepdims=True), best.shape[1], axis=1)
+    # The middle of the front sliders' ranges that keep back sliders within bounds.
+    places, fits = np.linspace(0.0, 1.0, 4 * PATHS.fixed_sliders + 1), list[np.ndarray]()
+    for share in places:
+        back = actuation.gears(q, front_sliders(actuation, np.full(q.shape, share)))[0]
+        fits.append((back >= actuation.back_bounds[:, 0]) & (back <= actuation.back_bounds[:, 1]))
+    middles = np.tensordot(places, np.array(fits, dtype=float), axes=1) / np.maximum(np.sum(fits, axis=0), 1)
+    middle = np.clip(_fit_spline(basis, middles), 0.0, 1.0)
+    candidates = [best, steady, middle, *(np.repeat(one[None], len(best), axis=0) for one in fixed)]
+    return np.stack(candidates, axis=1).reshape(-1, *best.shape[1:])
+
+
+def _fit_spline(basis: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Return the coefficients nearest to samples (batch, time, dof). Both ends are exact."""
+    inner, ends = basis[:, 1:-1], basis[:, [0, -1]]
+    outer = samples[:, [0, -1]]
+    middle = np.linalg.pinv(inner) @ (samples - ends @ outer)
+    return np.concatenate([outer[:, :1], middle, outer[:, 1:]], axis=1)
+
+
+# Motions from point to point as a pymoo problem.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,8 +303,6 @@ class PointToPoint(DenseFormulation):
         bases: int = 12,
         seed: int = 0,
     ) -> None:
-        """Make the problem; the class describes the parameters."""
-        read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_actuation(actuation, arm)
         counts = {"samples": (samples, 5), "coefficients": (coefficients, 4), "bases": (bases, 1), "seed": (seed, 0)}
         for name, (value, least) in counts.items():
@@ -142,6 +316,7 @@ class PointToPoint(DenseFormulation):
         if np.linalg.norm(ends[1] - ends[0]) < 1e-9:
             raise InvalidInput(f"target must be another place than the start, got {ends[1].tolist()} m twice")
         self.arm, self.actuation, self.start, self.target = arm, actuation, *ends
+        self.ends = stationary_task(arm, self.start), stationary_task(arm, self.target)
         check_flag("energy", energy)
         if energy:
             require_weight(arm)
@@ -170,7 +345,10 @@ class PointToPoint(DenseFormulation):
         """
         paths, which = self.initial_paths, self.base_indices(genes)
         q = paths.q[which] + genes[:, 1 : 1 + paths.size].reshape(len(genes), *paths.q.shape[1:])
-        error = paths.retract_ends(q, which, self._ends)
+        error = np.zeros(len(q))
+        for end, at_rest in zip((0, -1), self.ends, strict=True):
+            retracted = retract(self.arm, at_rest.tasks, q[:, end], at_rest.targets[0], paths.across[which, end])
+            q[:, end], error = retracted.q, np.maximum(error, retracted.error)
         if not isinstance(self.actuation, DistributedActuation):
             return q, np.zeros_like(q), error
         return q, front_sliders(self.actuation, genes[:, 1 + paths.size : 1 + 2 * paths.size].reshape(q.shape)), error
@@ -189,10 +367,7 @@ class PointToPoint(DenseFormulation):
         return spline @ q, spline @ front, error
 
     def sliders(self, genes: Genes) -> Float[np.ndarray, "points time 2 dof"] | None:
-        """Return front and back sliders at the samples [m], or None.
-
-        None without sliders.
-        """
+        """Return front and back sliders at the samples [m], or None. None without sliders."""
         if not isinstance(self.actuation, DistributedActuation):
             return None
         q, front, _ = self._samples(genes)
@@ -205,10 +380,7 @@ class PointToPoint(DenseFormulation):
         return self._motions(q, self._intervals(genes, minimum_timing(self.arm, self.actuation, q, front)))
 
     def _intervals(self, genes: Genes, timing: Timing) -> Float[np.ndarray, "points intervals"]:
-        """Return the intervals of individuals [s].
-
-        They are the least ones, or longer ones that the genes ask for.
-        """
+        """Return the intervals of individuals [s]. They are the least ones, or longer ones that the genes ask for."""
         if not self.own_times:
             return timing.intervals
         wishes = genes[:, -timing.intervals.shape[1] :] * (OPTIONS.longest_interval * self.initial_paths.pace)
@@ -225,7 +397,7 @@ class PointToPoint(DenseFormulation):
         q, front, _ = self.profiles(genes)
         timing = minimum_timing(self.arm, self.actuation, paths.spline @ q, paths.spline @ front)
         intervals = self._intervals(genes, timing)
-        extra = self._whole_program.own.values(self._motions(paths.spline @ q, intervals))
+        extra = self.whole_program.own.values(self._motions(paths.spline @ q, intervals))
         return np.concatenate([self._unscaled.unknowns(q, front, intervals, timing.work), extra], axis=1)
 
     def genes(self, x: Float[np.ndarray, "points unknowns"]) -> Genes:
@@ -272,10 +444,6 @@ class PointToPoint(DenseFormulation):
         return np.clip(rows, self.xl, self.xu)
 
     @cached_property
-    def _ends(self) -> tuple[MotionTask, MotionTask]:
-        return stationary_task(self.arm, self.start), stationary_task(self.arm, self.target)
-
-    @cached_property
     def _unscaled(self) -> PointToPointProgram:
         paths = self.initial_paths
         return PointToPointProgram(
@@ -296,7 +464,7 @@ class PointToPoint(DenseFormulation):
         return self._motions(q, minimum_timing(self.arm, self.actuation, q, front).intervals)
 
     @cached_property
-    def _whole_program(self) -> WholeProgram:
+    def whole_program(self) -> WholeProgram:
         """Rows and costs of coefficients, intervals and work."""
         program = self._unscaled
         return WholeProgram(

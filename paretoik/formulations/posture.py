@@ -86,7 +86,6 @@ class Posture(Formulation):
         obstacles: Sequence[Obstacle] = (),
         link_radius: float = 0.0,
     ) -> None:
-        """Make the problem; the class describes the parameters."""
         read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_limits(limits, supported=("position", "torque", "clearance"), where="of a posture")
         checked = motion_task(
@@ -107,19 +106,15 @@ class Posture(Formulation):
         error = "tool_error" if turns else "position_error"
         if error in (taken := [each.name for each in objectives]):
             raise InvalidInput(f"objectives must have names other than {error}, got {', '.join(taken)}")
-        self.names = (error, *taken)
-        self.units = ("m + rad" if turns else "m", *(each.unit for each in objectives))
-        self.maximised = (False, *(each.maximise for each in objectives))
+        self.names, self.units, self.maximised = (error,), ("m + rad" if turns else "m",), (False,)
+        self.add_objectives(objectives)
         self.constraint_names = self.task.limit_names
         low, high = posture_bounds(self.task).T
         super().__init__(low, high)
         examine_functions(self.task, self.decode(np.random.default_rng(0).uniform(low, high, (16, arm.dof))))
 
     def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> Any:
-        """Return the paper's genetic algorithm, or MaxiMinNSGA2 for several objectives.
-
-        The paper's algorithm minimises only the error.
-        """
+        """Return the paper's genetic algorithm, or MaxiMinNSGA2 for several objectives."""
         if self.n_obj == 1:
             return elitist_algorithm(population, offspring=offspring, initial=initial)
         return MaxiMinNSGA2(pop_size=population, n_offsprings=offspring, sampling=initial)
@@ -130,10 +125,7 @@ class Posture(Formulation):
         return self.task.motion(np.repeat(genes[:, None], len(self.task.times), axis=1))
 
     def encode(self, motions: Motion) -> tuple[Genes, np.ndarray]:
-        """Return motions' first postures within bounds, and their errors.
-
-        An error is the distance [rad, m] between a posture and the motion.
-        """
+        """Return motions' first postures within bounds, and their distances [rad, m]."""
         check_motions(motions, self.task)
         first = np.array(motions.q[:, 0])
         genes = np.clip(first, self.xl, self.xu)

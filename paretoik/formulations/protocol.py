@@ -46,10 +46,7 @@ Timeline: TypeAlias = Literal["generation", "step", "level", "refinement"]
 
 @final
 class ProblemParts:
-    """Parts of a problem that verbs ask for.
-
-    A part that the problem does not offer has its default.
-    """
+    """Parts of a problem that verbs ask for. A part that the problem does not offer has its default."""
 
     constraint_names: Sequence[str] | None = None  # in the order of violations; None: constraint 1, constraint 2, ...
     constraint_units: Sequence[str] | None = None  # units of violations, written after a number
@@ -69,28 +66,21 @@ class ProblemParts:
         return None
 
     def encode(self, motions: Any) -> tuple[Genes, np.ndarray]:
-        """Return genes of motions, and the distances of their motions.
-
-        Raises InvalidInput if that is impossible.
-        """
+        """Return genes of motions, and the distances of their motions. Raises InvalidInput if that is impossible."""
         raise InvalidInput("initial must be genes, got motions, which this problem cannot encode")
 
     def require_feasible(self) -> None:
         """Raise Infeasible if it is clear that no motion satisfies the limits."""
 
     def reweigh(self, front: Front, preference: Preference) -> Any:
-        """Return the problem to solve again for a preference.
-
-        None if the front already has the answer.
-        """
+        """Return the problem to solve again for a preference. None if the front already has the answer."""
         return None
 
 
 def timeline(problem: Any) -> Timeline:
-    """Return what a run counts: generations of a search or steps.
+    """Return what a run counts: generations of a search or steps of a loop.
 
-    A pymoo problem may have its own ``timeline`` that is not text: then it is searched.
-    Raises InvalidInput if the problem raises when it is asked for an attribute that it may lack.
+    Raises InvalidInput if the problem raises when it is asked for an attribute.
     """
     with user_function("problem must be a pymoo problem, got one whose attributes cannot be read: it", InvalidInput):
         kind = getattr(problem, "timeline", None)
@@ -98,10 +88,7 @@ def timeline(problem: Any) -> Timeline:
 
 
 def is_loop(front: Front) -> bool:
-    """Return whether a front is the one motion of a loop.
-
-    The loop was followed step by step.
-    """
+    """Return whether a front is the one motion of a loop."""
     return front.provenance.get("timeline") == "step"
 
 
@@ -114,10 +101,7 @@ def task_of(problem: Any) -> MotionTask | None:
 
 
 def at_samples_of(problem: Any, q: JointPaths | None) -> Any:
-    """Return a problem with the samples of a run's motions.
-
-    Refinement may have added samples to the motions (points, time, dof).
-    """
+    """Return a problem at the samples of motions (points, time, dof), to which some may be added."""
     if q is not None and q.ndim == 3:
         while (finer := ProblemParts(problem).with_midpoints) is not None and len(problem.task.times) < q.shape[1]:
             problem = finer()
@@ -162,10 +146,7 @@ def explain_violation(problem: Any, genes: Genes, violation: np.ndarray) -> tupl
 
 
 def require_program(verb: str, problem: Any) -> Differentiable:
-    """Return a formulation that has gradients.
-
-    Raises InvalidInput, naming the verb, for other problems.
-    """
+    """Return a formulation that has gradients. Raises InvalidInput, naming the verb, for other problems."""
     timeline(problem)
     if isinstance(problem, type) or not hasattr(problem, "program"):
         raise InvalidInput(
@@ -178,10 +159,7 @@ def require_program(verb: str, problem: Any) -> Differentiable:
 
 
 def require_plan(problem: Any) -> Callable[..., Plan]:
-    """Return a formulation's function that plans its one objective.
-
-    Raises InvalidInput for other problems.
-    """
+    """Return a formulation's function that plans its one objective. Raises InvalidInput for other problems."""
     names = require_program("plan", problem).names
     if not hasattr(problem, "plan"):
         raise InvalidInput(

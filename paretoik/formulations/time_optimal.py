@@ -80,8 +80,7 @@ class TimeOptimalControl(Method):
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default.
 
-        ``correction`` is the gain times the period: the share of an error that is corrected in one period.
-        Raises InvalidInput if the period is an array already.
+        ``correction``: gain · period, the share of an error that is corrected in one period
         """
         if np.ndim(self.period):
             raise InvalidInput(f"TimeOptimalControl: period must be one number, got {self.period}")
@@ -93,10 +92,7 @@ class TimeOptimalControl(Method):
         )
 
     def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> TimeOptimalControl:
-        """Return the control with values (motions,) for some numbers.
-
-        Raises InvalidInput for unknown names.
-        """
+        """Return the control with values (motions,) for some numbers. Raises InvalidInput for unknown names."""
         changed = dict(values)
         if "correction" in changed:
             changed["gain"] = changed.pop("correction") / changed.get("period", self.period)
@@ -105,12 +101,9 @@ class TimeOptimalControl(Method):
     def follow(
         self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
     ) -> ResolvedMotion:
-        """Return motions from ``start``, broadcast against the numbers.
+        """Return motions from ``start``, broadcast against the numbers; ``tolerance`` has no effect.
 
-        ``tolerance`` has no effect.
-
-        Raises InvalidInput unless the task is one path of positions in the model's dimension, and for numbers out of
-        range.
+        Raises InvalidInput unless the task is one path of positions in the model's dimension.
         """
         if len(task.tasks) != 1 or task.targets.shape[1] != task.rows or task.rows != len(self.model.lower):
             raise InvalidInput(f"TimeOptimalControl: path must be one of positions (..., {len(self.model.lower)})")
@@ -141,10 +134,7 @@ class TimeOptimalControl(Method):
 def _joint_motion(
     task: MotionTask, shape: tuple[int, ...], start: np.ndarray, runs: list[TimeOptimalRun | None]
 ) -> ResolvedMotion:
-    """Return the motions of joints that follow the tool in every run.
-
-    They have as many samples as the task.
-    """
+    """Return the motions of joints that follow the tool in every run. They have as many samples as the task."""
     count, samples, dof = len(runs), len(task.times), task.arm.dof
     shares = np.linspace(0.0, 1.0, samples)
     time = np.tile(task.times, (count, 1))

@@ -43,7 +43,7 @@ from paretoik.task.random_starts import rollout_starts
 from paretoik.task.retraction import relative_errors, task_errors
 from paretoik.task.self_motion import branch_labels
 from paretoik.task.task import Task, describe_errors
-from paretoik.task.validation import START_TOLERANCE, motion_task
+from paretoik.task.validation import START_TOLERANCE, motion_task, with_ends
 from paretoik.trajectory.infeasibility import explain_violation, require_feasible, warn_of_obstructed_path
 from paretoik.trajectory.levels import ObserveLevel, explained_interruption
 from paretoik.trajectory.motion_terms import joint_distance
@@ -68,10 +68,7 @@ OPTIONS = TrackingOptions()
 
 
 def sample_rollouts(task: MotionTask, rng: np.random.Generator) -> tuple[JointPaths, Objectives, np.ndarray]:
-    """Return roll-outs with their objectives and causes, best first.
-
-    They are sorted by violation of limits, then by non-domination. F and causes are those of ``evaluate_motions``.
-    """
+    """Return roll-outs with F and causes, sorted by violation, then by non-domination."""
     count = OPTIONS.most * OPTIONS.samples // len(task.times)
     q = rollout_starts(task, min(max(count, OPTIONS.least), OPTIONS.most), rng)
     F, limits, causes = evaluate_motions(task, task.motion(q))
@@ -83,11 +80,7 @@ def sample_rollouts(task: MotionTask, rng: np.random.Generator) -> tuple[JointPa
 
 
 def choose_bases(task: MotionTask, rollouts: JointPaths, count: int) -> Float[np.ndarray, "bases time dof"]:
-    """Return the best roll-outs of all branches, and distant ones.
-
-    The distant ones are chosen, farthest first, from the better half of each branch. There are at most ``count``
-    roll-outs.
-    """
+    """Return the best roll-outs of all branches, then the farthest in the better half of each."""
     branch = np.array(branch_labels(task.motion(rollouts)))
     members = [np.flatnonzero(branch == name) for name in dict.fromkeys(branch)]
     chosen = [int(rows[0]) for rows in members][:count]
@@ -100,10 +93,7 @@ def choose_bases(task: MotionTask, rollouts: JointPaths, count: int) -> Float[np
 
 
 def without_added_samples(task: MotionTask, motions: Motion) -> Motion:
-    """Return motions at the samples of a task.
-
-    Samples that refinement added are removed; motions without such samples are unchanged.
-    """
+    """Return motions at the samples of a task, without those that refinement added."""
     times = motions.time.reshape(-1, motions.time.shape[-1])[0]
     index = np.searchsorted(times, task.times).clip(max=len(times) - 1)
     added = len(times) > len(index) and np.array_equal(times[index], task.times)
@@ -113,8 +103,7 @@ def without_added_samples(task: MotionTask, motions: Motion) -> Motion:
 def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
     """Return the joint positions of a user's motions.
 
-    Raises InvalidInput if they do not have the task's arm and samples, or are more than 1e-6 rad or lengths of the arm
-    off the path.
+    Raises InvalidInput unless they have the task's arm and samples and are on the path.
     """
     if not isinstance(motions, Motion):
         raise InvalidInput(f"initial must be motions, got {type(motions).__name__}")
@@ -211,10 +200,9 @@ class Tracking(Formulation, Differentiable):
         bases: int = 12,
         seed: int = 0,
     ) -> None:
-        """Make the problem; the class describes the parameters."""
         check_size("bases", bases, 1)
         check_seed("seed", seed)
-        self.task = motion_task(
+        task = motion_task(
             arm,
             path,
             objectives=objectives,
@@ -222,13 +210,11 @@ class Tracking(Formulation, Differentiable):
             constraints=constraints,
             obstacles=obstacles,
             link_radius=link_radius,
-            start=start,
-            end_velocity=end_velocity,
-            cyclic=cyclic,
             differences=differences,
         )
+        self.task = with_ends(task, start=start, end_velocity=end_velocity, cyclic=cyclic)
         warn_of_obstructed_path(self.task)
-        self.name_objectives(self.task.objectives)
+        self.add_objectives(self.task.objectives)
         self.constraint_names = ("tracking", "evaluation", *self.task.limit_names)
         self._encoded_with = coefficients, bases, seed
         self._encode_motions()
@@ -254,10 +240,7 @@ class Tracking(Formulation, Differentiable):
         return finer
 
     def curve_points(self, motions: Motion) -> Float[np.ndarray, "points time dof"]:
-        """Return motions' curves at the problem's samples.
-
-        NaN if a curve leaves the path between its motion's samples.
-        """
+        """Return motions' curves at the problem's samples; NaN if a curve leaves the path."""
         try:
             return motions.at(self.task.times)
         except Infeasible:
@@ -266,10 +249,7 @@ class Tracking(Formulation, Differentiable):
         return np.concatenate([self.curve_points(motions[i : i + 1]) for i in range(len(motions))])
 
     def species(self, genes: Genes) -> Int[np.ndarray, " points"]:
-        """Return each individual's base motion.
-
-        Only genes of the same base may be crossed.
-        """
+        """Return each individual's base motion. Only genes of the same base may be crossed."""
         return self.encoding.species(genes)
 
     @of_genes
@@ -278,12 +258,10 @@ class Tracking(Formulation, Differentiable):
         return self.task.motion(self.encoding.decode(self.task, genes)[0])
 
     def encode(self, motions: Motion) -> tuple[Genes, Float[np.ndarray, " points"]]:
-        """Return genes of motions on the path, and their errors.
+        """Return genes of motions on the path within bounds, and their distances [rad, arm's length].
 
-        An error is the distance [rad, arm's length] between a motion and that of its genes.
-
-        Genes are within bounds. Each motion is encoded around the base whose decoded genes are nearest to it in every
-        joint at every sample. If they miss a motion by much, they do not represent it: use the motion itself.
+        A motion is encoded around the base whose decoded genes are nearest in every joint at every sample. If they miss
+        it by much, use the motion itself.
         """
         check_motions(motions, self.task)
         motions = without_added_samples(self.task, motions)
@@ -291,18 +269,12 @@ class Tracking(Formulation, Differentiable):
         return self.encoding.encode_nearest(self.task, motions.q)
 
     def translated(self, genes: Genes, labels: Int[np.ndarray, " points"]) -> Genes:
-        """Return genes of the same motions around other bases, within bounds.
-
-        They describe the motions as closely as the bounds allow.
-        """
+        """Return genes of the same motions around other bases, as closely as bounds allow."""
         q, _ = self.encoding.decode(self.task, genes)
         return np.clip(self.encoding.encode(self.task, np.asarray(labels), q)[0], *self.encoding.bounds)
 
     def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> MaxiMinNSGA2:
-        """Return the algorithm that suits these genes.
-
-        It has differential steps, smooth mutation, and some infeasible parents.
-        """
+        """Return the algorithm of these genes: differential steps, smooth mutation, infeasible parents."""
         return MaxiMinNSGA2(
             pop_size=population,
             n_offsprings=offspring,
@@ -323,10 +295,7 @@ class Tracking(Formulation, Differentiable):
         return self.motion_points(front.motions)  # type: ignore[arg-type]  # a front of motions holds Motion
 
     def motion_points(self, motions: Motion) -> Float[np.ndarray, "points time dof"]:
-        """Return the joint positions of motions.
-
-        Raises InvalidInput if they are not of this problem.
-        """
+        """Return the joint positions of motions. Raises InvalidInput if they are not of this problem."""
         return positions_on_path(self.task, motions)
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points time dof"]:
@@ -338,10 +307,7 @@ class Tracking(Formulation, Differentiable):
         return self.encode(self.task.motion(x))[0]
 
     def individuals(self, x: Float[np.ndarray, "points time dof"], genes: Genes | None = None) -> Individuals:
-        """Return motions as individuals, without genes, which are inexact.
-
-        After a signal, limits between samples are not checked.
-        """
+        """Return motions as individuals, without genes, which are inexact."""
         motions = self.task.motion(x)
         values = np.stack([o(motions) * o.sign for o in self.task.objectives], axis=1)
         return Individuals(
@@ -358,10 +324,7 @@ class Tracking(Formulation, Differentiable):
         )
 
     def exceeded(self, individuals: Individuals) -> list[str]:
-        """Return in words the limits that individuals exceed between samples.
-
-        Without splines nothing is checked.
-        """
+        """Return in words the limits of splines that individuals exceed between samples."""
         exceeds = ~(individuals.violation_between <= LIMIT_TOLERANCE) & self.tightens
         return [
             self.task.describe_between(individuals.motions[i : i + 1]) if each else "" for i, each in enumerate(exceeds)
@@ -369,18 +332,12 @@ class Tracking(Formulation, Differentiable):
 
     @property
     def tightens(self) -> bool:
-        """Whether ``hold_between`` tightens limits.
-
-        It does not for finite differences, whose motions satisfy limits at their samples only.
-        """
+        """Whether ``hold_between`` tightens limits: only for splines."""
         return self.task.differences == "spline"
 
     @property
     def added_samples(self) -> dict[str, dict[str, int]]:
-        """Provenance entry about the samples that refinement added, if any.
-
-        It has the old and the new number of samples.
-        """
+        """Provenance entry with the old and new number of samples, if refinement added any."""
         given = self.finer_than
         return {} if given is None else {ADDED_SAMPLES: {"path": len(given.task.times), "used": len(self.task.times)}}
 
@@ -392,10 +349,7 @@ class Tracking(Formulation, Differentiable):
         solver: Solver = "auto",
         observe: Observe | None = None,
     ) -> tuple[Float[np.ndarray, "points time dof"], Sequence[MotionProgram]]:
-        """Return motions that satisfy limits between samples, and their programs.
-
-        Limits are tightened in a few rounds, which may not be sufficient.
-        """
+        """Return motions that satisfy limits between samples if possible, and their programs."""
         natural = self.program()
         if not (self.tightens and len(x)):
             return x, [natural] * len(x)
@@ -403,10 +357,7 @@ class Tracking(Formulation, Differentiable):
         return np.stack([each.x for each in motions]), [each.program(natural) for each in motions]
 
     def values_between(self, front: Front, shares: Values) -> Float[np.ndarray, "gaps shares n_obj"]:
-        """Return minimised objectives of motions between neighbours of a front.
-
-        inf if a motion is impossible.
-        """
+        """Return minimised objectives of motions between neighbours of a front. inf if a motion is impossible."""
         return values_between(self.task, self.front_points(front), shares)
 
     def branches(self, x: Float[np.ndarray, "points time dof"]) -> list[str]:
@@ -414,19 +365,13 @@ class Tracking(Formulation, Differentiable):
         return branch_labels(self.task.motion(x))
 
     def require_feasible(self) -> None:
-        """Raise Infeasible if the limits clearly cannot be satisfied.
-
-        The error has the least-violating motion.
-        """
+        """Raise Infeasible if the limits clearly cannot be satisfied. The error has the least-violating motion."""
         require_feasible(self.task, self._rollouts)
 
     def cold_search(
         self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> MotionColdSearch:
-        """Return the search for optima without initial points.
-
-        It plans each objective, and refines starts level by level.
-        """
+        """Return the search for optima without initial points: each objective, level by level."""
         with explained_interruption(self.task, self._rollouts, None):
             examine_functions(self.task, self.task.motion(self._rollouts), *self._rollout_values)
         return MotionColdSearch(
@@ -442,10 +387,7 @@ class Tracking(Formulation, Differentiable):
         solver: Solver = "auto",
         observe: ObserveLevel | None = None,
     ) -> Plan:
-        """Return the distinct local optima of the one objective.
-
-        Raises as ``find_optima`` does.
-        """
+        """Return the distinct local optima of the one objective. Raises as ``find_optima`` does."""
         q = None if initial is None else positions_on_path(self.task, initial)
         with explained_interruption(self.task, self._rollouts, observe) as show:
             examine_functions(self.task, self.task.motion(self._rollouts), *self._rollout_values)
@@ -466,10 +408,7 @@ class Tracking(Formulation, Differentiable):
         return self.encode(self.task.motion(self._rollouts[:count]))[0]
 
     def self_motion_samples(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes of ``count`` smooth motions near the bases.
-
-        The first ones are the bases, then the bases take turns.
-        """
+        """Return genes of ``count`` smooth motions near the bases; the first ones are the bases."""
         return self.encoding.sample(count, rng)
 
     @property

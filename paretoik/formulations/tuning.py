@@ -124,7 +124,6 @@ class Tuning(Formulation):
         link_radius: float = 0.0,
         seed: int = 0,
     ) -> None:
-        """Make the problem; the class describes the parameters."""
         if not isinstance(method, Method):
             raise InvalidInput(f"method must be one of pk.methods, such as DampedLeastSquares(), got {shown(method)}")
         check_choice("judged_by", judged_by, get_args(JudgedBy))
@@ -140,7 +139,7 @@ class Tuning(Formulation):
             link_radius=link_radius,
             differences="backward",
         )
-        self.name_objectives(objectives)
+        self.add_objectives(objectives)
         self.constraint_names = (*(("tracking",) if tolerance is not None else ()), *(c.name for c in constraints))
         if tolerance is not None and "tracking" in self.constraint_names[1:]:
             raise InvalidInput("constraints must have names other than tracking, got tracking")
@@ -164,10 +163,7 @@ class Tuning(Formulation):
         self._violations(motion, 1)
 
     def values(self, genes: Genes) -> dict[str, np.ndarray]:
-        """Return the values (points,) of fields that genes set, except ``start``.
-
-        Genes have the shape (points, n_var).
-        """
+        """Return the values (points,) of fields that genes (points, n_var) set, except ``start``."""
         columns = zip(self.parameters, genes.T, strict=True)
         decoded = [(each, each.decode(column)) for each, column in columns if each.name != START.name]
         return {field: values for each, values in decoded for field in each.fields}
@@ -177,10 +173,7 @@ class Tuning(Formulation):
         return self.resolver.with_values(self.values(genes), self.task.times)
 
     def start_indices(self, genes: Genes) -> Int[np.ndarray, "points judged"]:
-        """Return indices of the starts that judge each individual.
-
-        The first one is the individual's own start.
-        """
+        """Return indices of the starts that judge each individual. The first one is the individual's own start."""
         count, judged = len(self.starts), np.arange(self.judged_starts)
         if not self._searches_start:
             return np.tile(judged * count // self.judged_starts, (len(genes), 1))
@@ -191,10 +184,7 @@ class Tuning(Formulation):
 
     @of_genes
     def decode(self, genes: Genes) -> ResolvedMotion:
-        """Return the motions (points, time, dof) of individuals, from one start.
-
-        It is the individual's own start, or the first one.
-        """
+        """Return the motions (points, time, dof) of individuals from their own start, or the first."""
         return self._follow(genes, self.start_indices(genes)[:, :1])
 
     def explain(self, genes: Genes) -> list[str]:
@@ -220,10 +210,7 @@ class Tuning(Formulation):
         return method.follow(self.task, starts, tolerance=self.tolerance)
 
     def _violations(self, motion: ResolvedMotion, points: int) -> Float[np.ndarray, "points limits"]:
-        """Return each individual's largest violation of each limit, over the range.
-
-        It is the largest over the individual's starts.
-        """
+        """Return each individual's largest violation of each limit over its starts, per range."""
         columns = [each.violation(motion) for each in self.task.constraints]
         if self.tolerance is not None:
             columns.insert(0, np.abs(motion.traces.errors).max(axis=(-2, -1)) / self.tolerance - 1.0)
@@ -241,10 +228,7 @@ class Tuning(Formulation):
 
 
 def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"]:
-    """Return postures on the first sample within the limits.
-
-    Each posture comes after its nearest neighbour. Raises OutOfReach if there are none.
-    """
+    """Return postures on the first sample within limits, in order of neighbourhood. Raises OutOfReach."""
     rng = np.random.default_rng(seed)
     candidates = sample_postures(task, OPTIONS.candidates, rng)
     if not len(candidates):
@@ -258,10 +242,7 @@ def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"
 def _checked_parameters(
     method: Method, parameters: Sequence[str | Parameter] | None, times: np.ndarray
 ) -> tuple[Parameter, ...]:
-    """Return the parameters to search.
-
-    Raises InvalidInput for unknown names, fields set twice, and an empty list.
-    """
+    """Return the parameters to search. Raises InvalidInput for unknown names, fields set twice, and an empty list."""
     by_name = {each.name: each for each in (*method.parameters(times), START)}
     if isinstance(parameters, str | Parameter) or not isinstance(parameters, Sequence | None):
         raise InvalidInput(f"parameters must be a list of names and Parameters, got {shown(parameters)}")

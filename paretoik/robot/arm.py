@@ -34,7 +34,7 @@ from paretoik.robot.body import (
     transform_body,
     type_tuple,
 )
-from paretoik.robot.chain import EARTH_GRAVITY, SerialChain, fix_joint, joint_placements
+from paretoik.robot.chain import SerialChain, fix_joint, joint_placements
 from paretoik.robot.kinematics import forward_kinematics
 from paretoik.robot.kinematics import jacobian as geometric_jacobian
 from paretoik.robot.pose import Pose, check_pose, matrix_to_quaternion, pose_batch
@@ -108,7 +108,6 @@ class Arm(SerialChain):
             placements=tuple(Pose(np.array([x, 0.0, 0.0])) for x in (0.0, *length[:-1])),
             bodies=planar_bodies(masses, centers, inertias, count),
             tool=Pose(np.array([length[-1], 0.0, 0.0])),
-            base=Pose(np.zeros(3)),
             gravity=np.zeros(3),
             position_limits=limit_rows("position_limits", position_limits, count),
             velocity_limits=symmetric_limits("velocity_limits", velocity_limits, count),
@@ -168,8 +167,6 @@ class Arm(SerialChain):
             placements=placements,
             bodies=bodies,
             tool=tool,
-            base=Pose(np.zeros(3)),
-            gravity=np.array(EARTH_GRAVITY),
             position_limits=limit_rows("position_limits", position_limits, count),
             velocity_limits=symmetric_limits("velocity_limits", velocity_limits, count),
             torque_limits=symmetric_limits("torque_limits", torque_limits, count),

@@ -22,15 +22,10 @@ from paretoik.inputs import (
 )
 from paretoik.robot.pose import Pose
 
-INERTIA_TOLERANCE = 1e-15  # kg m²: less than the inertia of a grain of sand, and than the rounding of real files
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Body:
-    """Mass [kg], centre of gravity [m] and inertia [kg m²] of a body.
-
-    The inertia is about the centre of gravity; all are in one frame.
-    """
+    """Mass [kg], centre of gravity [m], and inertia about it [kg m²], in one frame."""
 
     mass: float
     center: Vector3
@@ -38,11 +33,9 @@ class Body:
 
     @classmethod
     def from_values(cls, name: str, mass: float, center: object, inertia: object) -> Body:
-        """Return a body of checked values; messages begin with ``name``.
+        """Return a body of checked values; ``inertia`` None is that of a point mass.
 
-        An ``inertia`` of None is the inertia of a point mass. ``inertia`` None is that of a point mass. Raises
-        InvalidInput if the mass is negative, a number is not finite, or no real body has the inertia (not symmetric,
-        not positive, or against the triangle inequality).
+        Raises InvalidInput, with ``name``, for a negative mass, infinite numbers, or an inertia that no real body has.
         """
         mass = finite_number(f"{name}: mass", mass)
         position = real_array(f"{name}: centre of gravity", center)
@@ -88,7 +81,7 @@ class Body:
 def inertia_fault(inertia: Matrix3) -> str | None:
     """Return why a tensor is no real body's inertia, or None."""
     size = float(np.abs(inertia).max())
-    if size < INERTIA_TOLERANCE:
+    if size < 1e-15:  # kg m²: less than the inertia of a grain of sand, and than the rounding of real files
         return None
     if np.abs(inertia - inertia.T).max() > 1e-9 * size:
         return f"inertia must be symmetric, got {shown(inertia.tolist())}"
@@ -116,10 +109,7 @@ def nearest_inertia(inertia: Matrix3) -> Matrix3:
 
 
 def transform_body(body: Body, pose: Pose) -> Body:
-    """Return a body in the frame that ``pose`` is given in.
-
-    The given body is in the frame at ``pose``.
-    """
+    """Return a body in the frame that ``pose`` is given in. The given body is in the frame at ``pose``."""
     rotation = pose.rotation
     return Body(mass=body.mass, center=pose.apply(body.center), inertia=rotation @ body.inertia @ rotation.T)
 
@@ -143,14 +133,8 @@ TOOL_FRAME, BASE_FRAME = OWN_FRAMES = ("<tool>", "<base>")  # frames of every ar
 OTHER_NAMES = ("tool", "base")  # names of the same frames, unless a joint or link has them
 
 
-MOST_JOINTS = 1000  # more are a mistake, and their Jacobians fill the memory
-
-
 def limit_rows(name: str, limits: object, count: int) -> Float[np.ndarray, "dof 2"]:
-    """Return limits as rows (lower, upper), an array (count, 2).
-
-    A tuple is (lower, upper), None is unlimited, and other limits are symmetric.
-    """
+    """Return limits as rows (count, 2); a tuple is (lower, upper), None unlimited, others symmetric."""
     if limits is None:
         return np.tile([-np.inf, np.inf], (count, 1))
     if isinstance(limits, tuple) and len(limits) == 2:
@@ -186,10 +170,7 @@ def symmetric_limits(name: str, limits: object, count: int) -> Float[np.ndarray,
 
 
 def joint_tuple(names: object, count: int) -> tuple[str, ...]:
-    """Return names of joints.
-
-    Raises InvalidInput unless there are ``count`` different names, and none is the name of a frame.
-    """
+    """Return ``count`` different names of joints. Raises InvalidInput for names of frames too."""
     joints = read_list("joint_names", names, str, "a list of names")
     if len(joints) != count or len(set(joints)) != count:
         raise InvalidInput(f"joint_names must be {count} different names, got {shown(names)}")
@@ -202,10 +183,7 @@ def joint_tuple(names: object, count: int) -> tuple[str, ...]:
 
 
 def type_tuple(types: object, count: int) -> tuple[JointType, ...]:
-    """Return types of joints; None means that all are revolute.
-
-    Raises InvalidInput unless there are ``count`` known types.
-    """
+    """Return types of joints; None means revolute. Raises InvalidInput unless ``count`` are known."""
     if types is None:
         return tuple[JointType, ...](["revolute"] * count)
     kinds = read_list("types", types, str, "a list of types of joints")
@@ -217,13 +195,10 @@ def type_tuple(types: object, count: int) -> tuple[JointType, ...]:
 
 
 def number_array(name: str, values: object, count: int | None, *, positive: bool = False) -> np.ndarray:
-    """Return finite numbers (count,), one per joint.
-
-    Without ``count``, any number of joints except 0 is accepted. Raises InvalidInput by ``name``.
-    """
+    """Return finite numbers (count,), one per joint, any number but 0 if None. Raises InvalidInput."""
     array = real_array(name, values)
-    if count is None and array.ndim == 1 and array.size > MOST_JOINTS:
-        raise InvalidInput(f"{name} must be for at most {MOST_JOINTS} joints, got {array.size}")
+    if count is None and array.ndim == 1 and array.size > 1000:  # a mistake, and their Jacobians fill the memory
+        raise InvalidInput(f"{name} must be for at most 1000 joints, got {array.size}")
     if array.ndim != 1 or (count is not None and len(array) != count) or not np.all(np.isfinite(array)):
         wish = "a list of finite numbers" if count is None else f"{count} finite numbers, one per joint"
         raise InvalidInput(f"{name} must be {wish}, got {shown(values)}")
@@ -249,10 +224,7 @@ def body_tuple(masses: object, centers: object, inertias: object, count: int) ->
 
 
 def planar_bodies(masses: object, centers: object, inertias: object, count: int) -> tuple[Body, ...]:
-    """Return one body per link of a planar arm.
-
-    The centre of gravity is on the x axis, the inertia is about z. None means 0 for all links.
-    """
+    """Return one body per link of a planar arm: centre on the x axis, inertia about z, None for 0."""
     mass, center, inertia = (
         np.zeros(count) if values is None else number_array(name, values, count)
         for name, values in (("masses", masses), ("centers", centers), ("inertias", inertias))
@@ -267,10 +239,7 @@ def planar_bodies(masses: object, centers: object, inertias: object, count: int)
 
 
 def joint_positions(q: object, dof: int) -> np.ndarray:
-    """Return joint positions (*batch, dof) as floats.
-
-    Raises InvalidInput for other shapes and for values that are not finite.
-    """
+    """Return finite joint positions (*batch, dof) as floats. Raises InvalidInput."""
     positions = finite_array("q", q)
     if positions.shape[-1:] != (dof,):
         raise InvalidInput(f"q: must have shape (..., {dof}), one per joint, got shape {positions.shape}")

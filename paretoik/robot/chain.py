@@ -39,8 +39,8 @@ class SerialChain:
     placements: tuple[Pose, ...]
     bodies: tuple[Body, ...]
     tool: Pose
-    base: Pose
-    gravity: Vector3
+    base: Pose = field(default_factory=lambda: Pose(np.zeros(3)))
+    gravity: Vector3 = field(default_factory=lambda: np.array(EARTH_GRAVITY))
     position_limits: Float[np.ndarray, "dof 2"]
     velocity_limits: Float[np.ndarray, " dof"]
     torque_limits: Float[np.ndarray, " dof"]
@@ -111,10 +111,9 @@ AnyChain = TypeVar("AnyChain", bound=SerialChain)
 
 
 def fix_joint(arm: AnyChain, joint: str, value: float) -> AnyChain:
-    """Return the arm with one joint frozen at ``value`` [rad, m].
+    """Return the arm with one joint frozen at ``value`` [rad, m], its link merged with the one before.
 
-    The joint's link is merged with the link before. Raises InvalidInput for an unknown joint, a value that is not
-    finite, or the last joint of an arm.
+    Raises InvalidInput for an unknown joint, a value that is not finite, or the last joint.
     """
     if joint not in arm.joint_names:
         hint = likely_spelling(joint, arm.joint_names)
@@ -154,12 +153,7 @@ def fix_joint(arm: AnyChain, joint: str, value: float) -> AnyChain:
 
 
 def joint_motion(joint_type: str, value: float, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> Pose:
-    """Return the pose that a joint at ``value`` [rad or m] adds.
-
-    The pose is added to the joint's placement. For other joint types it is the identity.
-
-    The value is in rad or m. For other joint types the pose is the identity.
-    """
+    """Return the pose that a joint at ``value`` [rad, m] adds to its placement; identity for others."""
     if joint_type == "prismatic":
         return Pose(value * np.array(axis))
     if joint_type in ("revolute", "continuous"):
@@ -195,10 +189,7 @@ def joint_placements(
 
 
 def _transform(a: float, alpha: float, d: float, theta: float) -> Pose:
-    """Return the transform of Denavit–Hartenberg parameters.
-
-    It is a translation by a along x and a rotation by alpha about x, then d along z and theta about z.
-    """
+    """Return a translation by a and rotation by alpha about x, then d and theta along and about z."""
     rotation: Matrix3 = np.array(
         [
             [np.cos(theta), -np.sin(theta), 0.0],

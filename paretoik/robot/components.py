@@ -24,7 +24,6 @@ else:
 Vector: TypeAlias = tuple[Component, Component, Component]
 Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
-BLOCK_SIZE = 6144  # samples: enough to make the cost of a call negligible; columns of 48 KB reuse memory
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 
@@ -144,8 +143,9 @@ def evaluate_in_blocks(
     flat = [array.reshape(count, arm.dof) for array in arrays]
     entries = int(np.prod(shape))
     out = np.empty((count, entries), dtype=np.result_type(float, *arrays))
-    for start in range(0, count, BLOCK_SIZE):
-        stop = min(start + BLOCK_SIZE, count)
+    size = 6144  # samples: enough to make the cost of a call negligible; columns of 48 KB reuse memory
+    for start in range(0, count, size):
+        stop = min(start + size, count)
         block = [[np.ascontiguousarray(part[start:stop, joint]) for joint in range(arm.dof)] for part in flat]
         for entry, value in enumerate(kernel(*block)):
             out[start:stop, entry] = value

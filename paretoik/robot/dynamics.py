@@ -35,10 +35,7 @@ from paretoik.robot.kinematics import ArmConstants, LinkConstants, arm_constants
 
 
 def inverse_dynamics(arm: SerialChain, q: Joints, dq: Joints, ddq: Joints) -> Joints:
-    """Return the joint torques τ = M q̈ + n(q, q̇) (*batch, dof) [N m, N].
-
-    They include gravity; for prismatic joints they are forces.
-    """
+    """Return torques τ = M q̈ + n(q, q̇) (*batch, dof) [N m, N], gravity included."""
     return evaluate_in_blocks(partial(torque_components, arm), arm, (arm.dof,), q, dq, ddq)
 
 
@@ -57,10 +54,7 @@ def torque_components(
 
 
 def inertia_matrix(arm: SerialChain, q: Joints) -> InertiaMatrices:
-    """Return the inertia matrix M(q) (*batch, dof, dof) [kg m², kg m, kg].
-
-    Each column has the torques of a unit acceleration.
-    """
+    """Return M(q) (*batch, dof, dof) [kg m², kg m, kg], by torques of unit accelerations."""
     dof = arm.dof
 
     def kernel(q: Sequence[Component]) -> list[Component]:
@@ -111,11 +105,7 @@ def power(torque: Joints, dq: Joints) -> Joints:
 def _cosines_and_sines(
     constants: ArmConstants, q: Sequence[Component], acceleration: Vector
 ) -> list[tuple[Component, Component]]:
-    """Return ``joint_cosines_and_sines``, simplified for the first joint.
-
-    The first entry is (1, 0) if the first joint's angle has no effect. This is so if the base's ``acceleration`` is
-    along the joint's axis.
-    """
+    """Return cosines and sines, (1, 0) for a first joint along whose axis gravity acts."""
     x, y, _ = apply_transposed(constants.links[0].rotation, acceleration)
     if isinstance(x, float) and isinstance(y, float) and x == y == 0.0:
         return [(1.0, 0.0), *joint_cosines_and_sines(constants.links[1:], q[1:])]
@@ -130,10 +120,7 @@ def _newton_euler(
     ddq: Sequence[Component],
     acceleration: Vector,
 ) -> list[Component]:
-    """Return joint torques by the Newton–Euler recursion.
-
-    The ``acceleration`` is that of the base minus gravity, in the base frame.
-    """
+    """Return torques by the recursion; ``acceleration``: base's minus gravity, in its frame."""
     omega, omega_rate, gradient = ZERO, ZERO, (ZERO, ZERO, ZERO)
     forces, moments, origins = [], [], []
     for i, link in enumerate(constants.links):
@@ -178,10 +165,7 @@ def _newton_euler(
 
 
 def _moment(link: LinkConstants, gradient: Matrix, acceleration: Vector) -> Vector:
-    """Return ∫ r × r̈ dm about the link's origin.
-
-    It is the axial vector of ∫ r̈ rᵀ dm.
-    """
+    """Return ∫ r × r̈ dm about the link's origin. It is the axial vector of ∫ r̈ rᵀ dm."""
 
     def entry(row: int, column: int) -> Component:
         return plus(
@@ -192,10 +176,7 @@ def _moment(link: LinkConstants, gradient: Matrix, acceleration: Vector) -> Vect
 
 
 def _origin(link: LinkConstants, q: Component) -> Vector:
-    """Return the origin of a link in the frame before.
-
-    It includes the travel of a prismatic joint.
-    """
+    """Return the origin of a link in the frame before. It includes the travel of a prismatic joint."""
     if not link.prismatic:
         return link.translation
     axis = (link.rotation[0][2], link.rotation[1][2], link.rotation[2][2])

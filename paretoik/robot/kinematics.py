@@ -38,36 +38,25 @@ from paretoik.robot.pose import Frame
 # Constants of an arm as components.
 
 
-ROTATION_TOLERANCE = 1e-15  # entries of a rotation this close to 0 or ±1 come from rounded right angles
-
-
 @dataclass(frozen=True, kw_only=True)
 class LinkConstants:
     """Constants of one joint and the link it moves, as components.
 
-    Inertial parameters are base parameters about the link's origin, see ``_regroup_inertias``.
-
-    mass: mass [kg]
-    first_moment: ∫ r dm [kg m]
-    second_moments: ∫ r rᵀ dm [kg m²]
-    inertia: inertia [kg m²]
+    Inertial parameters are base parameters about the link's origin, see ``base_parameters``.
     """
 
     prismatic: bool
     rotation: Matrix
     translation: Vector
-    mass: float
-    first_moment: Vector
-    second_moments: Matrix
-    inertia: Matrix
+    mass: float  # mass [kg]
+    first_moment: Vector  # ∫ r dm [kg m]
+    second_moments: Matrix  # ∫ r rᵀ dm [kg m²]
+    inertia: Matrix  # inertia [kg m²]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArmConstants:
-    """Constants of an arm, as components.
-
-    They are the rotation and position of tool and base, and gravity in the base frame.
-    """
+    """Rotation and position of tool and base, and gravity in the base frame, as components."""
 
     links: tuple[LinkConstants, ...]
     tool: tuple[Matrix, Vector]
@@ -88,7 +77,7 @@ def arm_constants(arm: SerialChain) -> ArmConstants:
             second_moments=to_matrix(inertia[:3, :3]),
             inertia=to_matrix(np.trace(inertia[:3, :3]) * np.eye(3) - inertia[:3, :3]),
         )
-        for joint_type, placement, inertia in zip(arm.joint_types, arm.placements, _regroup_inertias(arm), strict=True)
+        for joint_type, placement, inertia in zip(arm.joint_types, arm.placements, base_parameters(arm), strict=True)
     )
     tool, base = ((to_matrix(_snap(pose.rotation)), to_vector(pose.position)) for pose in (arm.tool, arm.base))
     gravity = to_vector(_snap(arm.base.rotation).T @ arm.gravity)
@@ -102,7 +91,7 @@ def joint_cosines_and_sines(
     return [(1.0, 0.0) if link.prismatic else (np.cos(x), np.sin(x)) for link, x in zip(links, q, strict=True)]
 
 
-def _regroup_inertias(arm: SerialChain) -> list[np.ndarray]:
+def base_parameters(arm: SerialChain) -> list[np.ndarray]:
     """Return each link's pseudo-inertia (4, 4), regrouped into base parameters.
 
     The moments that a joint does not move are added to the link before: mass on the axis of a rotational joint, and the
@@ -123,8 +112,9 @@ def _regroup_inertias(arm: SerialChain) -> list[np.ndarray]:
 
 
 def _snap(rotation: np.ndarray) -> np.ndarray:
+    """Return a rotation whose entries that are 0 or ±1 within 1e-15 are exact: they come from right angles."""
     nearest = np.round(rotation)
-    return np.where(np.abs(rotation - nearest) < ROTATION_TOLERANCE, nearest, rotation)
+    return np.where(np.abs(rotation - nearest) < 1e-15, nearest, rotation)
 
 
 # Scales of joint and tool positions, which make numbers independent of units.
@@ -132,10 +122,9 @@ def _snap(rotation: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=256)
 def characteristic_length(arm: SerialChain) -> float:
-    """Return the length [m] of the stretched-out arm.
+    """Return the length [m] from the first joint to the tool, with slides at 0.
 
-    It is measured from the first joint to the tool, with slides at 0. If it is 0, it is replaced by the longest range
-    of a slide, or by 1 m if no slide is limited.
+    If it is 0: the longest range of a slide, or 1 m if no slide is limited.
     """
     offsets = [*arm.placements[1:], arm.tool]
     length = float(sum(np.linalg.norm(pose.position) for pose in offsets))
@@ -147,19 +136,13 @@ def characteristic_length(arm: SerialChain) -> float:
 
 @lru_cache(maxsize=256)
 def joint_scales(arm: SerialChain) -> Float[np.ndarray, " dof"]:
-    """Return the unit of each joint's distances.
-
-    It is 1 rad, or for a slide the arm's characteristic length [m].
-    """
+    """Return the unit of each joint: 1 rad, or for a slide the arm's length [m]."""
     return read_only(np.where(arm.periodic, 1.0, characteristic_length(arm)))
 
 
 @lru_cache(maxsize=256)
 def geometry_key(arm: SerialChain) -> tuple[object, ...]:
-    """Return a dictionary key of an arm's geometry.
-
-    Arms with the same link poses and scales have equal keys.
-    """
+    """Return a dictionary key of an arm's geometry. Arms with the same link poses and scales have equal keys."""
     poses = [*arm.placements, arm.tool, arm.base]
     numbers = np.concatenate([part for pose in poses for part in (pose.position, pose.quaternion)])
     return arm.joint_types, arm.is_planar, characteristic_length(arm), numbers.tobytes()
@@ -211,10 +194,7 @@ def frame_components(arm: SerialChain, links: LinkFrames, frame: Frame) -> tuple
 def jacobian_components(
     arm: SerialChain, links: LinkFrames, frame: Frame, position: Vector
 ) -> list[tuple[Vector, Vector]]:
-    """Return each joint's linear and angular Jacobian column.
-
-    The columns are for a frame at ``position``.
-    """
+    """Return each joint's linear and angular Jacobian column. The columns are for a frame at ``position``."""
     columns = []
     for i, link in enumerate(arm_constants(arm).links):
         axis = transpose(links.rotations[i])[2]
@@ -228,10 +208,7 @@ def jacobian_components(
 
 
 def forward_kinematics(arm: SerialChain, q: Joints, frame: str = TOOL_FRAME) -> tuple[Rotations, Positions]:
-    """Return rotation and position of a frame in the world.
-
-    Rotations are (*batch, 3, 3), positions (*batch, 3) [m], for q (*batch, dof).
-    """
+    """Return a frame's rotation (*batch, 3, 3) and position (*batch, 3) [m] in the world."""
     on_link = arm.frame(frame)
 
     def kernel(q: Sequence[Component]) -> list[Component]:
@@ -243,10 +220,7 @@ def forward_kinematics(arm: SerialChain, q: Joints, frame: str = TOOL_FRAME) -> 
 
 
 def jacobian(arm: SerialChain, q: Joints, frame: str = TOOL_FRAME) -> Jacobians:
-    """Return the geometric Jacobian (*batch, 6, dof) of a frame.
-
-    The linear rows come first; axes are those of the world.
-    """
+    """Return the geometric Jacobian (*batch, 6, dof) of a frame in world axes, linear rows first."""
     on_link = arm.frame(frame)
 
     def kernel(q: Sequence[Component]) -> list[Component]:

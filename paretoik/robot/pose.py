@@ -85,10 +85,7 @@ class Pose:
 
     @classmethod
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
-        """Return a pose from roll, pitch and yaw [rad].
-
-        They are about fixed x, y, z in this order, as in a URDF.
-        """
+        """Return a pose from roll, pitch and yaw [rad]. They are about fixed x, y, z in this order, as in a URDF."""
         angles = finite_array("pose rpy", rpy, shape=(3,))
         check_angles("pose rpy", rpy)
         return cls(position, rpy_to_quaternion(angles))
@@ -161,10 +158,7 @@ class Pose:
 
 
 def pose_batch(position: Float[np.ndarray, "*batch 3"], quaternion: Float[np.ndarray, "*batch 4"]) -> Pose:
-    """Return a batch of poses from finite positions and unit quaternions.
-
-    Quaternions have length 1 up to rounding.
-    """
+    """Return a batch of poses from finite positions and unit quaternions. Quaternions have length 1 up to rounding."""
     poses = object.__new__(Pose)
     unit = quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
     freeze(poses, position=np.array(position), quaternion=unit)
@@ -197,10 +191,7 @@ def quaternion_product(
 
 
 def rpy_to_quaternion(rpy: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 4"]:
-    """Return the unit quaternion (w, x, y, z) of roll, pitch and yaw.
-
-    Angles [rad] are about fixed x, y, z in this order.
-    """
+    """Return the quaternion (w, x, y, z) of roll, pitch, yaw [rad] about fixed x, y, z in order."""
     roll, pitch, yaw = rpy / 2
     about_x = np.array([np.cos(roll), np.sin(roll), 0.0, 0.0])
     about_y = np.array([np.cos(pitch), 0.0, np.sin(pitch), 0.0])
@@ -264,10 +255,7 @@ def rotation_vector(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarr
 
 
 def vector_to_quaternion(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:
-    """Return the unit quaternions (w, x, y, z) of rotation vectors [rad].
-
-    This is the exponential map, which is continuous.
-    """
+    """Return the quaternions (w, x, y, z) of rotation vectors [rad]: the exponential map."""
     half_angles = np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True)) / 2
     return np.concatenate([np.cos(half_angles), 0.5 * np.sinc(half_angles / np.pi) * vectors], axis=-1)
 
@@ -285,10 +273,7 @@ def check_pose(name: str, pose: object) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """A named frame on the arm: a pose in the frame of a link.
-
-    The ``link`` −1 is the base.
-    """
+    """A named frame on the arm: a pose in the frame of a link. The ``link`` −1 is the base."""
 
     link: int
     pose: Pose

@@ -57,19 +57,16 @@ from paretoik.tables import fit_screen, html_representation
 class Chain:
     """The joints of a robot: moving joints from base to tip, and frozen joints.
 
-    joints: all joints of the file, a parent before its children
     links, moving: links and moving joints from base to tip
-    above: joints between the root and the base, in order from the base
-    frozen: values [rad, m] of all other joints that could move, by name
     """
 
     base: str
     tip: str
     links: Sequence[str]
     moving: Sequence[JointDescription]
-    joints: Sequence[JointDescription]
-    above: Sequence[JointDescription]
-    frozen: Mapping[str, float]
+    joints: Sequence[JointDescription]  # all joints of the file, a parent before its children
+    above: Sequence[JointDescription]  # joints between the root and the base, in order from the base
+    frozen: Mapping[str, float]  # values [rad, m] of all other joints that could move, by name
     faults: Sequence[Fault]
     notices: Sequence[str]
 
@@ -115,10 +112,11 @@ def select_chain(
             leader, multiplier, offset = leaders[joint.name]
             frozen[joint.name] = multiplier * float(fixed.get(leader, 0.0)) + offset
             leads = f", though it mimics {leader!r}" if leader in free else ""
-            notices.append(_frozen_notice(joint, frozen[joint.name], joint in path) + leads)
+            where, still = "on" if joint in path else "off", joint.frozen_text(frozen[joint.name])
+            notices.append(f"joint {joint.name!r}: {where} the chain, {still}{leads}")
     if start != root:
         notices.insert(0, f"base {start!r} is not the root {root!r}: what is above it is left out")
-    narrowed = [_take_soft_limits(joint) for joint in moving]
+    narrowed = [replace(joint, limits=joint.limits.narrowed) for joint in moving]
     if not soft and (unused := [old.name for old, new in zip(moving, narrowed, strict=True) if old != new]):
         notices.append(f"soft limits of {len(unused)} joints, from {unused[0]!r} on, are not used: soft=True uses them")
     if soft:
@@ -143,10 +141,7 @@ def select_chain(
 
 
 def find_zero_limits(chain: Chain) -> list[str]:
-    """Return messages for limits of 0 on the chain.
-
-    These are limits on velocity, effort, acceleration or jerk.
-    """
+    """Return messages for limits of 0 on the chain. These are limits on velocity, effort, acceleration or jerk."""
     return [
         f"joint {joint.name!r}: {name} limit must not be 0, got 0; zero_limits='unlimited' says that it means none"
         for joint in chain.moving
@@ -182,10 +177,7 @@ def _path(source: str, joints: Sequence[JointDescription], base: str, tip: str) 
 
 
 def _leader(robot: RobotDescription, joint: JointDescription, fixed: Collection[str]) -> tuple[str, float, float]:
-    """Return the leader at the end of a mimic chain, multiplier and offset.
-
-    A joint that mimics none is its own leader.
-    """
+    """Return the leader at the end of a mimic chain, or the joint itself, multiplier and offset."""
     name, multiplier, offset = joint.name, 1.0, 0.0
     passed = set[str]()
     while name in robot.joints and name not in fixed and name not in passed and (mimic := robot.joints[name].mimic):
@@ -204,8 +196,7 @@ def _sort_faults(
 ) -> tuple[list[Fault], list[str]]:
     """Return the faults of the chain's parts, and notices about other parts.
 
-    A notice has the fault and its consequence. A joint above the base must be readable if the direction of gravity
-    depends on it.
+    A joint above the base must be readable if the direction of gravity depends on it.
     """
     faults: list[Fault] = []
     notices: list[Fault] = []
@@ -223,35 +214,12 @@ def _sort_faults(
     return faults, list(list_messages(notices))
 
 
-def _take_soft_limits(joint: JointDescription) -> JointDescription:
-    """Return a joint with limits narrowed to its safety controller's, if any."""
-    if joint.limits.soft is None:
-        return joint
-    lower, upper = max(joint.limits.lower, joint.limits.soft[0]), min(joint.limits.upper, joint.limits.soft[1])
-    return replace(joint, limits=replace(joint.limits, lower=lower, upper=upper))
-
-
-def _frozen_notice(joint: JointDescription, value: float, on_chain: bool) -> str:
-    where = "on" if on_chain else "off"
-    if joint.type not in JOINT_TYPES:
-        return f"joint {joint.name!r}: {where} the chain, frozen where its {joint.type} motion is zero"
-    unit = "m" if joint.type == "prismatic" else "rad"
-    outside = "" if joint.limits.lower <= value <= joint.limits.upper else ", outside its limits"
-    return f"joint {joint.name!r}: {where} the chain, frozen at {value:g} {unit}{outside}"
-
-
 # From a URDF to an arm.
-
-
-TILT_TOLERANCE = 1e-9  # m/s² of gravity: rounding error of a base that is level
 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotReport:
-    """Faults, warnings and summary of a URDF.
-
-    Warnings are about parts that load but may have unexpected effects.
-    """
+    """Faults, warnings and summary of a URDF. Warnings are about parts that load but may have unexpected effects."""
 
     file: Path
     faults: tuple[str, ...]
@@ -265,10 +233,7 @@ class RobotReport:
 
 
 def report_text(report: RobotReport) -> str:
-    """Return the summary, grouped warnings and faults of a URDF as text.
-
-    There is one message per line; long lists are shortened to the first messages.
-    """
+    """Return the summary, grouped warnings and faults of a URDF, one message per line."""
     lines = [*report.summary, *(f"warning: {line}" for line in shorten_list(group_messages(report.warnings)))]
     lines += [f"fault: {line}" for line in shorten_list(report.faults)] or ["no faults"]
     return "\n".join(lines)
@@ -318,7 +283,7 @@ def check_robot(
     else:
         chain = select_chain(str(file), robot, base, tip, fixed, soft=soft)
         summary.append(f"chain {chain.base} to {chain.tip}: {len(chain.moving)} moving joints")
-        summary += [_summarise(joint) for joint in chain.moving]
+        summary += [f"  {joint.text}" for joint in chain.moving]
         _, faults, notices = _build_arm(robot, chain, repair_inertias)
     warnings = (*robot.warnings, *notices, *find_zero_limits(chain))
     return RobotReport(file=file, faults=faults, warnings=warnings, summary=tuple(summary))
@@ -360,24 +325,10 @@ def _check_options(fixed: Mapping[str, float] | None, soft: bool, repair_inertia
     return dict(fixed or {})
 
 
-def _summarise(joint: JointDescription) -> str:
-    length, force = ("m", "N") if joint.type == "prismatic" else ("rad", "N m")
-    limits = joint.limits
-    positions = f"{limits.lower:g} to {limits.upper:g} {length}"
-    parts = [positions if np.isfinite(limits.upper - limits.lower) else "no end"]
-    parts += [f"{limits.velocity:g} {length}/s", f"{limits.effort:g} {force}"]
-    parts += [f"{limits.acceleration:g} {length}/s²"] * bool(np.isfinite(limits.acceleration))
-    return f"  {joint.name}: {joint.type}, {', '.join(parts)}"
-
-
 def _build_arm(
     robot: RobotDescription, chain: Chain, repair: bool
 ) -> tuple[SerialChain | None, tuple[str, ...], tuple[str, ...]]:
-    """Return the arm of a chain, its faults, and notices.
-
-    If the chain has faults, there is no arm (None). Notices are about parts that the arm lacks. Gravity is (0, 0,
-    −9.81) m/s² in the world of the file's root.
-    """
+    """Return the arm of a chain (None if it has faults), its faults, and notices of missing parts."""
     moving, faults, notices = chain.moving, list(chain.faults), list(chain.notices)
     if not moving:
         faults.append((1, f"a joint between {chain.base!r} and {chain.tip!r} must move, got none"))
@@ -402,7 +353,7 @@ def _build_arm(
     if faults:
         return None, list_messages(faults), tuple(notices)
     gravity = frames[robot.roots[0]].pose.rotation @ np.array(EARTH_GRAVITY)
-    if np.abs(gravity - EARTH_GRAVITY).max() > TILT_TOLERANCE:
+    if np.abs(gravity - EARTH_GRAVITY).max() > 1e-9:  # m/s²: rounding error of a base that is level
         axes = ", ".join(f"{value:.4g}" for value in gravity)
         text = f"gravity is ({axes}) m/s² in its axes; mounted(base=...) keeps that unless it gets gravity, too"
         notices.append(f"base {chain.base!r} is tilted against the root {robot.roots[0]!r}: {text}")
@@ -415,7 +366,6 @@ def _build_arm(
         placements=placements,
         bodies=tuple(body for body, _, _ in merged),
         tool=frames[chain.tip].pose,
-        base=ORIGIN,
         gravity=gravity,
         position_limits=np.array([[each.lower, each.upper] for each in limits]),
         velocity_limits=np.array([each.velocity or np.inf for each in limits]),
@@ -434,8 +384,8 @@ def _build_arm(
 def _place_links(chain: Chain) -> tuple[dict[str, Frame], tuple[Pose, ...]]:
     """Return the frames of all links, and the placements of moving joints.
 
-    A link's frame is given on the moving link that carries it. The frame of a moving link is that of its joint, turned
-    so that z is the joint's axis. Links on a misplaced joint have no frame.
+    A link's frame is given on the moving link that carries it. A moving link's frame is its joint's, turned so that z
+    is the axis. Links on a misplaced joint have no frame.
     """
 
     def at_rest(joint: JointDescription) -> Pose:
@@ -467,10 +417,9 @@ def _place_links(chain: Chain) -> tuple[dict[str, Frame], tuple[Pose, ...]]:
 def _merge_links(
     robot: RobotDescription, chain: Chain, frames: Mapping[str, Frame], number: int, repair: bool
 ) -> tuple[Body, list[Fault], list[Fault]]:
-    """Return the body that a moving joint carries, its faults, and notices.
+    """Return the body of a joint's link and all that is fixed to it, its faults, and notices.
 
-    The body is the joint's link and all that is fixed to the link. The inertia of this body must be that of a real one;
-    inertias of single links may be wrong.
+    This body's inertia must be that of a real one; inertias of single links may be wrong.
     """
     links = [robot.links[name] for name, frame in frames.items() if frame.link == number]
     wrong = {link.name: link.inertia_fault for link in links if link.inertia_fault is not None}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -13,7 +13,6 @@ from paretoik.arrays import Matrix3
 from paretoik.robot.pose import Pose
 
 OTHER_TYPES = ("fixed", "planar", "floating")
-INERTIA_ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 Numbers: TypeAlias = tuple[float, ...]
 Fault: TypeAlias = tuple[int, str]
@@ -25,31 +24,20 @@ ORIGIN = Pose(np.zeros(3))
 class LinkDescription:
     """A link: mass [kg], inertial frame, and inertia in this frame.
 
-    inertia_fault: reason why no real body has this inertia
-    faults: other faults; a link with other faults has no mass
-
     The inertial frame is a pose on the link.
     """
 
     name: str
     mass: float = 0.0
     origin: Pose = ORIGIN
-    inertia_entries: Numbers = (0.0,) * 6  # as INERTIA_ENTRIES [kg m²]
-    inertia_fault: Fault | None = None
-    faults: tuple[Fault, ...] = ()
-
-    @property
-    def inertia(self) -> Matrix3:
-        """Inertia about the centre of gravity in the axes of the inertial frame [kg m²]."""
-        return inertia_matrix(self.inertia_entries)
+    inertia: Matrix3 = field(default_factory=lambda: np.zeros((3, 3)))  # kg m²
+    inertia_fault: Fault | None = None  # reason why no real body has this inertia
+    faults: tuple[Fault, ...] = ()  # other faults; a link with other faults has no mass
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointLimits:
-    """Limits of a joint, infinite if there are none.
-
-    The ``soft`` limits are those of the joint's safety controller, or None.
-    """
+    """Limits of a joint, infinite if there are none; ``soft``: of its safety controller, or None."""
 
     lower: float = -np.inf
     upper: float = np.inf
@@ -59,12 +47,16 @@ class JointLimits:
     jerk: float = np.inf
     soft: tuple[float, float] | None = None
 
+    @property
+    def narrowed(self) -> JointLimits:
+        """Limits that satisfy the soft ones too."""
+        low, high = self.soft or (-np.inf, np.inf)
+        return replace(self, lower=max(self.lower, low), upper=min(self.upper, high))
+
 
 @dataclass(frozen=True, kw_only=True)
 class JointDescription:
     """A joint and its origin on the parent link.
-
-    misplaced: whether the origin or axis cannot be read, so that the place of the child is unknown
 
     The ``axis`` has length 1.
     """
@@ -79,7 +71,29 @@ class JointDescription:
     mimic: tuple[str, float, float] | None = None  # leader, multiplier, offset
     line: int = 1
     faults: tuple[Fault, ...] = ()
-    misplaced: bool = False
+    misplaced: bool = False  # whether the origin or axis cannot be read, so that the place of the child is unknown
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Units of positions and of efforts."""
+        return ("m", "N") if self.type == "prismatic" else ("rad", "N m")
+
+    @property
+    def text(self) -> str:
+        """Name, type and limits."""
+        (length, force), limits = self.units, self.limits
+        positions = f"{limits.lower:g} to {limits.upper:g} {length}"
+        parts = [positions if np.isfinite(limits.upper - limits.lower) else "no end"]
+        parts += [f"{limits.velocity:g} {length}/s", f"{limits.effort:g} {force}"]
+        parts += [f"{limits.acceleration:g} {length}/s²"] * bool(np.isfinite(limits.acceleration))
+        return f"{self.name}: {self.type}, {', '.join(parts)}"
+
+    def frozen_text(self, value: float) -> str:
+        """Return in words the position of a frozen joint."""
+        if self.type in OTHER_TYPES:
+            return f"frozen where its {self.type} motion is zero"
+        outside = "" if self.limits.lower <= value <= self.limits.upper else ", outside its limits"
+        return f"frozen at {value:g} {self.units[0]}{outside}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,39 +130,23 @@ class RobotDescription:
         return [link for link in self.links if link not in parents]
 
     def trunk(self, base: str) -> list[str]:
-        """Return the links from ``base`` on that carry all leaves.
-
-        The leaves are those below ``base``. Only for a robot without faults.
-        """
-        children: dict[str, list[str]] = {}
-        for joint in self.joints.values():
-            children.setdefault(joint.parent, []).append(joint.child)
+        """Return the links from ``base`` on that carry all leaves below it."""
         trunk = [base]
-        while len(below := children.get(trunk[-1], [])) == 1:
-            trunk += below
+        while len(below := self._joints_of(trunk[-1])) == 1:
+            trunk.append(below[0].child)
         return trunk
 
     def joints_below(self, link: str) -> list[JointDescription]:
-        """Return every joint below a link, parents first.
-
-        Only for a robot without faults.
-        """
-        by_parent: dict[str, list[JointDescription]] = {}
-        for joint in self.joints.values():
-            by_parent.setdefault(joint.parent, []).append(joint)
-        below: list[JointDescription] = []
-        stack = [link]
+        """Return every joint below a link, parents first."""
+        below, stack = list[JointDescription](), [link]
         while stack:
-            joints = by_parent.get(stack.pop(), [])
+            joints = self._joints_of(stack.pop())
             below += joints
             stack += [joint.child for joint in joints]
         return below
 
-
-def inertia_matrix(entries: Numbers) -> Matrix3:
-    """Return the symmetric matrix of ixx, ixy, ixz, iyy, iyz and izz."""
-    xx, xy, xz, yy, yz, zz = entries
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    def _joints_of(self, link: str) -> list[JointDescription]:
+        return [joint for joint in self.joints.values() if joint.parent == link]
 
 
 # Faults and warnings of a URDF, each with its line.

@@ -20,7 +20,6 @@ from paretoik.inputs import check_magnitude, degrees_hint, shown
 from paretoik.robot.body import JOINT_TYPES, OWN_FRAMES, inertia_fault
 from paretoik.robot.pose import Pose, rpy_to_quaternion
 from paretoik.robot.urdf_description import (
-    INERTIA_ENTRIES,
     ORIGIN,
     OTHER_TYPES,
     Fault,
@@ -29,7 +28,6 @@ from paretoik.robot.urdf_description import (
     LinkDescription,
     Numbers,
     RobotDescription,
-    inertia_matrix,
     list_messages,
 )
 
@@ -37,10 +35,7 @@ from paretoik.robot.urdf_description import (
 
 
 def find_tree_faults(links: Mapping[str, LinkDescription], joints: Mapping[str, JointDescription]) -> list[Fault]:
-    """Return why links and joints are not one tree.
-
-    Each fault has its line.
-    """
+    """Return why links and joints are not one tree. Each fault has its line."""
     faults: list[Fault] = []
     parent_joint: dict[str, str] = {}
     for name, joint in joints.items():
@@ -78,10 +73,7 @@ def find_mimic_faults(joints: Mapping[str, JointDescription]) -> list[tuple[str,
 def _find_loops(
     joints: Mapping[str, JointDescription], successor: Callable[[JointDescription], str | None]
 ) -> list[list[str]]:
-    """Return each cycle of a graph of joints, once.
-
-    In the graph, each joint points to its ``successor``.
-    """
+    """Return each cycle of a graph of joints, once. In the graph, each joint points to its ``successor``."""
     visited: set[str] = set()
     loops = []
     for name in joints:
@@ -103,16 +95,24 @@ PARTS = ("link", "joint")  # elements read below <robot>; transmissions, materia
 SHAPES = ("visual", "collision")  # skipped in every part
 
 
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?|[+-]?nan", re.ASCII | re.IGNORECASE)
+MACRO = "xacro:"  # first characters of the tags that xacro should have expanded
+
+
 @dataclass(frozen=True, kw_only=True)
-class XmlOptions:
-    """Bounds of a file that is read."""
+class ReadingOptions:
+    """Bounds of a file that is read, and of quotes in messages."""
 
     max_bytes: int = 10_000_000
     max_depth: int = 64  # elements nested in each other
     max_elements: int = 50_000  # a humanoid with hands has some 10,000
+    max_links: int = 1000
+    max_name: int = 200  # characters, unprintable ones as escaped in Python
+    max_text: int = 80  # characters of a value that a message quotes
+    length_tolerance: float = 1e-3  # distance of an axis's or quaternion's length from 1 that is warned of
 
 
-XML_OPTIONS = XmlOptions()
+OPTIONS = ReadingOptions()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,128 +128,86 @@ class Element:
         """Return the children of that tag, in order."""
         return [child for child in self.children if child.tag == tag]
 
+    def find_macro(self) -> Element | None:
+        """Return the first macro of xacro below, or None."""
+        return next((m for child in self.children if (m := child if child.is_macro else child.find_macro())), None)
 
-def is_macro(tag: str) -> bool:
-    """Return whether an element is one that xacro should have expanded."""
-    return tag.startswith("xacro:")
+    @property
+    def is_macro(self) -> bool:
+        """Whether the element is one that xacro should have expanded."""
+        return self.tag.startswith(MACRO)
 
 
 def parse_elements(data: bytes, source: str) -> tuple[Element, list[int]]:
-    """Return the ``<robot>`` element, and the lines of macros that were not read.
+    """Return the ``<robot>`` element without shapes, and the lines of macros that were not read.
 
-    The element has links and joints, without shapes. Raises InvalidRobot, naming ``source`` and the line, if data are
-    not the XML of a robot.
+    Raises InvalidRobot, naming ``source`` and the line, if data are not the XML of a robot.
     """
-    reader = _XmlReader(source)
-    try:
-        reader.parser.Parse(data, True)
-    except expat.ExpatError as error:
-        fact = expat.ErrorString(error.code)
-        raise reader.error(f"the file must be well-formed XML, got {fact}", error.lineno) from None
-    except (LookupError, ValueError) as error:
-        if isinstance(error, InvalidInput):
-            raise
-        raise reader.error(f"the file must be readable text, got {error}", 1) from None
-    assert reader.root is not None  # expat reports a document without a root element
-    return reader.root, reader.unread_macros
+    parser, count = expat.ParserCreate(), 0
+    robot, unread_macros = list[Element](), list[int]()
+    opened = list[Element | None]()  # None: inside a part that is skipped
 
+    def error(message: str, line: int | None = None) -> InvalidRobot:
+        number = parser.CurrentLineNumber if line is None else line
+        return InvalidRobot(source, [f"line {number}: {message}"])
 
-def read_bytes(file: Path) -> bytes:
-    """Return the content of a robot file.
+    def doctype(*_: object) -> None:
+        raise error("the file must have no DOCTYPE, as no robot needs entities, got one")
 
-    Raises InvalidInput for a missing file, InvalidRobot for an empty or too large file.
-    """
-    try:
-        if not file.is_file():
-            raise InvalidInput(f"{file} must be a plain file, got {missing_file(file)}")
-        with file.open("rb") as stream:
-            data = stream.read(XML_OPTIONS.max_bytes + 1)
-    except OSError as error:
-        raise InvalidInput(f"{file}: cannot be read, {error.strerror}") from None
-    if not data:
-        raise InvalidRobot(str(file), ["the file must describe a robot, got an empty file"])
-    if len(data) > XML_OPTIONS.max_bytes:
-        wish = f"the file must have at most {XML_OPTIONS.max_bytes // 1_000_000} MB"
-        raise InvalidRobot(str(file), [f"{wish}, got a larger file"])
-    return data
-
-
-class _XmlReader:
-    """Handlers of the XML parser: collect links and joints, skip shapes.
-
-    They refuse XML that no robot file needs.
-    """
-
-    def __init__(self, source: str) -> None:
-        self.source = source
-        self.root: Element | None = None
-        self.open: list[Element | None] = []  # None: inside a part that is skipped
-        self.count = 0
-        self.unread_macros: list[int] = []
-        self.parser = expat.ParserCreate()
-        self.parser.StartElementHandler = self.start
-        self.parser.EndElementHandler = self.end
-        self.parser.StartDoctypeDeclHandler = self.doctype
-
-    def error(self, message: str, line: int | None = None) -> InvalidRobot:
-        number = self.parser.CurrentLineNumber if line is None else line
-        return InvalidRobot(self.source, [f"line {number}: {message}"])
-
-    def doctype(self, *_: object) -> None:
-        raise self.error("the file must have no DOCTYPE, as no robot needs entities, got one")
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        self.count += 1
-        if self.count > XML_OPTIONS.max_elements:
-            raise self.error(f"the file must have at most {XML_OPTIONS.max_elements:,} elements, got more")
-        if len(self.open) == XML_OPTIONS.max_depth:
-            raise self.error(f"elements must be nested at most {XML_OPTIONS.max_depth} deep, got deeper ones")
-        element = Element(tag=tag, attributes=attributes, line=self.parser.CurrentLineNumber)
-        parent = self.open[-1] if self.open else None
-        if not self.open:
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        if count > OPTIONS.max_elements:
+            raise error(f"the file must have at most {OPTIONS.max_elements:,} elements, got more")
+        if len(opened) == OPTIONS.max_depth:
+            raise error(f"elements must be nested at most {OPTIONS.max_depth} deep, got deeper ones")
+        element = Element(tag=tag, attributes=attributes, line=parser.CurrentLineNumber)
+        parent, below_robot = opened[-1] if opened else None, len(opened) == 1
+        if not opened:
             if tag != "robot":
-                raise self.error(f"the root element must be <robot>, got <{tag[:80]}>")
-            self.root = element
-        elif parent is self.root and is_macro(tag):  # the macro may stand for any number of links and joints
-            raise self.error(f"the robot must be expanded by xacro, got the macro <{tag[:80]}>")
-        elif parent is None or (parent is self.root and tag not in PARTS) or tag in SHAPES:
-            if is_macro(tag):
-                self.unread_macros.append(element.line)
-            self.open.append(None)
+                raise error(f"the root element must be <robot>, got <{tag[:80]}>")
+            robot.append(element)
+        elif below_robot and element.is_macro:  # the macro may stand for any number of links and joints
+            raise error(f"the robot must be expanded by xacro, got the macro <{tag[:80]}>")
+        elif parent is None or (below_robot and tag not in PARTS) or tag in SHAPES:
+            unread_macros.extend([element.line] * element.is_macro)
+            opened.append(None)
             return
         else:
             parent.children.append(element)
-        self.open.append(element)
+        opened.append(element)
 
-    def end(self, _: str) -> None:
-        self.open.pop()
+    parser.StartElementHandler, parser.EndElementHandler = start, lambda _: opened.pop()
+    parser.StartDoctypeDeclHandler = doctype
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as fault:
+        fact = expat.ErrorString(fault.code)
+        raise error(f"the file must be well-formed XML, got {fact}", fault.lineno) from None
+    except (LookupError, ValueError) as fault:
+        if isinstance(fault, InvalidInput):
+            raise
+        raise error(f"the file must be readable text, got {fault}", 1) from None
+    return robot[0], unread_macros
 
 
 # Reading of links and joints, with all their faults.
 
 
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?|[+-]?nan", re.ASCII | re.IGNORECASE)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ValidationOptions:
-    """Bounds of names, values and links of a file, and of quotes in messages."""
-
-    max_links: int = 1000
-    max_name: int = 200  # characters, unprintable ones as escaped in Python
-    max_text: int = 80  # characters of a value that a message quotes
-    length_tolerance: float = 1e-3  # distance of an axis's or quaternion's length from 1 that is warned of
-
-
-OPTIONS = ValidationOptions()
-
-
 def read_robot(file: Path) -> RobotDescription:
-    """Return the robot of a URDF, with faults of links and joints.
-
-    Raises InvalidInput if there is no such file, InvalidRobot if it is not the XML of a robot.
-    """
-    data = read_bytes(file)
+    """Return the robot of a URDF, with faults. Raises InvalidInput and InvalidRobot."""
+    try:
+        if not file.is_file():
+            raise InvalidInput(f"{file} must be a plain file, got {missing_file(file)}")
+        with file.open("rb") as stream:
+            data = stream.read(OPTIONS.max_bytes + 1)
+    except OSError as error:
+        raise InvalidInput(f"{file}: cannot be read, {error.strerror}") from None
+    if not data:
+        raise InvalidRobot(str(file), ["the file must describe a robot, got an empty file"])
+    if len(data) > OPTIONS.max_bytes:
+        wish = f"the file must have at most {OPTIONS.max_bytes // 1_000_000} MB"
+        raise InvalidRobot(str(file), [f"{wish}, got a larger file"])
     root, macros = parse_elements(data, str(file))
     reader = _Reader("", version=root.attributes.get("version", "1.0"))
     elements = {tag: reader.by_name(root, tag) for tag in ("link", "joint")}
@@ -282,10 +240,7 @@ def read_robot(file: Path) -> RobotDescription:
 
 @dataclass
 class _Reader:
-    """Reader of one ``owner``: reads elements, collects faults and warnings.
-
-    Faults and warnings have lines. The readers of links and joints share their warnings with the reader of the file.
-    """
+    """Reader of one ``owner``: reads elements, collects faults and warnings with their lines."""
 
     owner: str
     version: str
@@ -327,50 +282,44 @@ class _Reader:
         return elements
 
     def child(self, element: Element, tag: str) -> Element | None:
-        """Return the only child of a tag, None without one.
-
-        Several children are a fault.
-        """
+        """Return the only child of a tag, None without one. Several children are a fault."""
         children = element.find_all(tag)
         if len(children) > 1:
             self.fault(children[1], f"must have one <{tag}>, got {len(children)}")
         return children[0] if children else None
 
-    def numbers(self, element: Element, name: str, default: str | None, count: int = 1) -> Numbers | None:
-        """Return ``count`` numbers of an attribute, none of them NaN.
-
-        If there are none, return None and add a fault.
-        """
+    def numbers(
+        self, element: Element, name: str, default: str | None = None, count: int = 1, *, infinite: bool = False
+    ) -> Numbers | None:
+        """Return ``count`` numbers of an attribute, none NaN; None, with a fault, if there are none."""
         text = element.attributes.get(name, default)
         if text is None:
             self.fault(element, f"<{element.tag}> must have {name}, got none")
             return None
-        words = text.split()
+        words, shortened = text.split(), repr(text[: OPTIONS.max_text])
         values = [float(word) for word in words if NUMBER.fullmatch(word)]
         if len(words) != count or len(values) != count or np.isnan(values).any():
             wish = "a number" if count == 1 else f"{count} numbers"
-            self.fault(element, f"{element.tag} {name} must be {wish}, got {text[: OPTIONS.max_text]!r}")
-            return None
-        return tuple(values)
+            self.fault(element, f"{element.tag} {name} must be {wish}, got {shortened}")
+        elif not infinite and np.isinf(values).any():
+            self.fault(element, f"{element.tag} {name} must be finite, got {shortened}")
+        else:
+            return tuple(values)
+        return None
 
-    def finite(self, element: Element, name: str, default: str | None, count: int = 1) -> Numbers | None:
-        """Return ``numbers``, with a fault for infinite ones too."""
-        values = self.numbers(element, name, default, count)
-        if values is not None and np.isinf(values).any():
-            text = element.attributes[name][: OPTIONS.max_text]
-            self.fault(element, f"{element.tag} {name} must be finite, got {text!r}")
-            return None
-        return values
+    def number(
+        self, element: Element, name: str, default: str | None = None, *, infinite: bool = False
+    ) -> float | None:
+        """Return the one number of an attribute; None, with a fault, without one."""
+        values = self.numbers(element, name, default, infinite=infinite)
+        return values[0] if values else None
 
     def origin(self, element: Element) -> Pose | None:
-        """Return the pose of a child ``<origin>``, the identity without one.
-
-        If the pose cannot be read, return None.
-        """
+        """Return the pose of a child ``<origin>``, the identity without one, None with a fault."""
         origin = self.child(element, "origin")
         if origin is None:
             return ORIGIN
-        xyz = self.finite(origin, "xyz", "0 0 0", 3)
+        xyz = self.numbers(origin, "xyz", "0 0 0", 3)
         quaternion = self.orientation(origin)
         if xyz is None or quaternion is None:
             return None
@@ -382,12 +331,9 @@ class _Reader:
             return None
 
     def orientation(self, origin: Element) -> Numbers | None:
-        """Return the quaternion (w, x, y, z) of an origin.
-
-        It is read from rpy [rad], or from quat_xyzw of URDF 1.1.
-        """
+        """Return the quaternion (w, x, y, z) of an origin. It is read from rpy [rad], or from quat_xyzw of URDF 1.1."""
         if "quat_xyzw" not in origin.attributes:
-            rpy = self.finite(origin, "rpy", "0 0 0", 3)
+            rpy = self.numbers(origin, "rpy", "0 0 0", 3)
             if rpy is None:
                 return None
             if hint := degrees_hint(rpy):
@@ -399,15 +345,12 @@ class _Reader:
         if self.version in ("1", "1.0"):
             text = 'quat_xyzw is of URDF 1.1; without version="1.1" on <robot>, other programs may read no rotation'
             self.warning(origin, text)
-        xyzw = self.finite(origin, "quat_xyzw", None, 4)
+        xyzw = self.numbers(origin, "quat_xyzw", count=4)
         unit = None if xyzw is None else self.direction(origin, "quat_xyzw", xyzw)
         return None if unit is None else (unit[3], *unit[:3])
 
     def direction(self, element: Element, name: str, values: Numbers) -> Numbers | None:
-        """Return numbers scaled to length 1.
-
-        If all are zero, return None and add a fault.
-        """
+        """Return numbers scaled to length 1. If all are zero, return None and add a fault."""
         largest = max(abs(value) for value in values)  # a first divisor, so that no square overflows or vanishes
         if largest == 0.0:
             self.fault(element, f"{name} must not be zero, got {' '.join(['0'] * len(values))}")
@@ -420,13 +363,8 @@ class _Reader:
 
     def no_macros(self, element: Element) -> None:
         """Add a fault for the first macro of xacro below an element."""
-        pending = element.children[::-1]
-        while pending:
-            child = pending.pop()
-            if is_macro(child.tag):
-                self.fault(child, f"must be expanded by xacro, got the macro <{child.tag[: OPTIONS.max_text]}>")
-                return
-            pending += child.children[::-1]
+        if macro := element.find_macro():
+            self.fault(macro, f"must be expanded by xacro, got the macro <{macro.tag[: OPTIONS.max_text]}>")
 
 
 def _read_link(name: str, element: Element, reader: _Reader) -> LinkDescription:
@@ -435,45 +373,34 @@ def _read_link(name: str, element: Element, reader: _Reader) -> LinkDescription:
     if inertial is None:
         return LinkDescription(name=name, faults=tuple(reader.faults))
     origin, weight = reader.origin(inertial), reader.child(inertial, "mass")
-    mass: float | None = None
+    mass = None if weight is None else reader.number(weight, "value")
     if weight is None:
         reader.fault(inertial, "its <inertial> must have a <mass>, got none")
-    elif value := reader.finite(weight, "value", None):
-        mass = value[0] if value[0] >= 0 else None
-        if mass is None:
-            reader.fault(weight, f"mass must not be negative, got {value[0]:g} kg")
-    entries, line = _read_inertia(inertial, mass, reader)
-    fault = inertia_fault(inertia_matrix(entries))
-    wrong = (line, f"{reader.owner}: {fault}") if fault else None
+    elif mass is not None and mass < 0:
+        reader.fault(weight, f"mass must not be negative, got {mass:g} kg")
+        mass = None
+    # the inertia, possible or not
+    inertia, part = np.zeros((3, 3)), reader.child(inertial, "inertia")
+    if part is not None:
+        values = [reader.number(part, entry) for entry in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")]
+        if None not in values:
+            xx, xy, xz, yy, yz, zz = values
+            inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
+            if mass and not inertia.any():
+                reader.warning(part, "has mass but no inertia, taken as a point mass")
+            if mass == 0.0 and inertia.any():
+                reader.warning(part, "has inertia but no mass")
+    elif mass != 0.0:
+        reader.fault(inertial, "its <inertial> must have an <inertia>, got none")
+    fault = inertia_fault(inertia)
+    wrong = ((part or inertial).line, f"{reader.owner}: {fault}") if fault else None
     if origin is None or mass is None or reader.faults:
         return LinkDescription(name=name, inertia_fault=wrong, faults=tuple(reader.faults))
-    return LinkDescription(name=name, mass=mass, origin=origin, inertia_entries=entries, inertia_fault=wrong)
-
-
-def _read_inertia(inertial: Element, mass: float | None, reader: _Reader) -> tuple[Numbers, int]:
-    """Return the entries of an inertia, possible or not, and their line."""
-    zeros = (0.0,) * len(INERTIA_ENTRIES)
-    element = reader.child(inertial, "inertia")
-    if element is None:
-        if mass != 0.0:
-            reader.fault(inertial, "its <inertial> must have an <inertia>, got none")
-        return zeros, inertial.line
-    values = [reader.finite(element, name, None) for name in INERTIA_ENTRIES]
-    entries = tuple(value[0] for value in values if value)
-    if len(entries) < len(INERTIA_ENTRIES):
-        return zeros, element.line
-    if mass and not any(entries):
-        reader.warning(element, "has mass but no inertia, taken as a point mass")
-    if mass == 0.0 and any(entries):
-        reader.warning(element, "has inertia but no mass")
-    return entries, element.line
+    return LinkDescription(name=name, mass=mass, origin=origin, inertia=inertia, inertia_fault=wrong)
 
 
 def _read_joint(name: str, element: Element, whole: _Reader) -> JointDescription:
-    """Return a joint.
-
-    Faults of its links are added to the ``whole`` file, because links and joints are then not a tree.
-    """
+    """Return a joint; faults of its ends, which make no tree, go to the ``whole`` file."""
     reader = whole.part(f"joint {name!r}")
     reader.no_macros(element)
     joint_type = element.attributes.get("type", "")
@@ -493,18 +420,16 @@ def _read_joint(name: str, element: Element, whole: _Reader) -> JointDescription
     if joint_type in (*JOINT_TYPES, "planar"):
         axis = (1.0, 0.0, 0.0)  # the URDF format's default
         if part := reader.child(element, "axis"):
-            given = reader.finite(part, "xyz", None, 3)
+            given = reader.numbers(part, "xyz", count=3)
             axis = None if given is None else reader.direction(part, "axis", given)
     if joint_type in JOINT_TYPES:
         limits = _read_limits(joint_type, element, reader)
         if part := reader.child(element, "dynamics"):
-            friction = [reader.finite(part, each, "0") for each in ("damping", "friction")]
-            if any(value is not None and value[0] != 0.0 for value in friction):
-                reader.with_friction.append(name)
+            friction = [reader.number(part, each, "0") for each in ("damping", "friction")]
+            reader.with_friction.extend([name] * any(friction))
     if part := reader.child(element, "mimic"):
-        multiplier, offset = reader.finite(part, "multiplier", "1"), reader.finite(part, "offset", "0")
-        leader = part.attributes.get("joint", "")
-        mimic = leader, multiplier[0] if multiplier else 1.0, offset[0] if offset else 0.0
+        multiplier, offset = reader.number(part, "multiplier", "1"), reader.number(part, "offset", "0")
+        mimic = part.attributes.get("joint", ""), 1.0 if multiplier is None else multiplier, offset or 0.0
     return JointDescription(
         name=name,
         type=joint_type,
@@ -521,27 +446,24 @@ def _read_joint(name: str, element: Element, whole: _Reader) -> JointDescription
 
 
 def _read_limits(joint_type: str, joint: Element, reader: _Reader) -> JointLimits:
-    element = reader.child(joint, "limit")
+    element, controller = reader.child(joint, "limit"), reader.child(joint, "safety_controller")
     soft: tuple[float, float] | None = None
     names = {"soft_lower_limit": "-inf", "soft_upper_limit": "inf"}
-    controller = reader.child(joint, "safety_controller")
     if controller is not None and any(name in controller.attributes for name in names):
-        least, greatest = (reader.numbers(controller, name, default) for name, default in names.items())
-        soft = None if least is None or greatest is None else (least[0], greatest[0])
+        low, high = (reader.number(controller, name, default, infinite=True) for name, default in names.items())
+        soft = None if low is None or high is None else (low, high)
     if element is None:
         if joint_type != "continuous":
             reader.fault(joint, f"a {joint_type} joint must have a <limit>, got none")
         return JointLimits(soft=soft)
-    positions = [reader.numbers(element, name, "0") for name in ("lower", "upper")]
+    lower, upper = (reader.number(element, name, "0", infinite=True) or 0.0 for name in ("lower", "upper"))
     # URDF 1.2 also has limits of acceleration, deceleration and jerk.
     defaults = {"velocity": None, "effort": None, "acceleration": "inf", "deceleration": "inf", "jerk": "inf"}
     magnitudes = {}
     for name, default in defaults.items():
-        values = reader.numbers(element, name, default)
-        magnitudes[name] = values[0] if values else 0.0
+        magnitudes[name] = reader.number(element, name, default, infinite=True) or 0.0
         if magnitudes[name] < 0:
             reader.fault(element, f"{name} limit must not be negative, got {magnitudes[name]:g}")
-    lower, upper = (position[0] if position else 0.0 for position in positions)
     if joint_type == "continuous":
         lower, upper = -np.inf, np.inf
     if lower > upper:

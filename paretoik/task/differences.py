@@ -60,10 +60,7 @@ def quadrature_weights(time: Series, differences: Differences) -> Series:
 
 
 def simpson_weights(time: Series) -> Series:
-    """Return the weights (*batch, time) [s] of Simpson's rule.
-
-    Every other time is a midpoint.
-    """
+    """Return the weights (*batch, time) [s] of Simpson's rule. Every other time is a midpoint."""
     sixth = (time[..., 2::2] - time[..., :-2:2]) / 6
     weights = np.zeros(time.shape)
     weights[..., :-2:2] += sixth
@@ -81,10 +78,7 @@ def with_midpoints(time: Series) -> Series:
 
 
 def _steps(values: Samples, time: Instants, *, cyclic: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return the steps of values and of time between samples.
-
-    A cycle continues by one step at each end.
-    """
+    """Return the steps of values and of time between samples. A cycle continues by one step at each end."""
     change, step = np.diff(values, axis=-2), np.diff(time)[..., None]
     if not cyclic:
         return change, step
@@ -151,17 +145,13 @@ class Spline:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Derivatives:
-    """Known derivatives of a motion at its samples, which replace differences.
-
-    velocity_bounds: velocities, or Bernstein coefficients that bound them
-    spline: state (q, dq, ddq) of the spline, if the motion is its projection
-    """
+    """Known derivatives of a motion at its samples, which replace differences."""
 
     dq: Samples
     ddq: Samples
     jerk: Samples
-    velocity_bounds: Samples
-    spline: tuple[Samples, ...] | None = None
+    velocity_bounds: Samples  # velocities, or Bernstein coefficients that bound them
+    spline: tuple[Samples, ...] | None = None  # state (q, dq, ddq) of the spline, if the motion is its projection
 
     def __post_init__(self) -> None:
         for values in (self.dq, self.ddq, self.jerk, self.velocity_bounds):
@@ -194,7 +184,24 @@ def fit_spline(q: Samples, time: Instants, *, cyclic: bool, ends_at_rest: bool) 
     before, after = (step[..., -2:], step[..., :2]) if cyclic else (step[..., 1::-1], step[..., :-3:-1])
     first = time[..., :1] - np.cumsum(before[..., ::-1], axis=-1)[..., ::-1]
     knots = np.concatenate([first, time, time[..., -1:] + np.cumsum(after, axis=-1)], axis=-1)
-    control = _control_points(q, knots, cyclic=cyclic, ends_at_rest=ends_at_rest)
+    # control points (*batch, time + 2, columns), one beyond each end
+    if cyclic:
+        control = _inner_control_points(np.concatenate([q[..., -3:-1, :], q, q[..., 1:3, :]], axis=-2), knots)
+    elif q.shape[-2] < 5 - ends_at_rest:
+        control = _polynomial_control_points(q, knots, ends_at_rest=ends_at_rest)
+    else:
+        inner = _inner_control_points(q, knots[..., 2:-2])
+        near = min(4, inner.shape[-2])
+        if ends_at_rest:
+            rest = np.diff(knots)
+            share = (rest[..., -3] / (2 * rest[..., -3] + rest[..., -4]))[..., None, None]
+            last = (q[..., -1:, :] - share * inner[..., -1:, :]) / (1 - share)
+            inner = np.concatenate([inner, last, inner[..., -1:, :]], axis=-2)
+        else:
+            end = _free_end(q[..., -1:, :], inner[..., : -near - 1 : -1, :], -knots[..., : -near - 5 : -1])
+            inner = np.concatenate([inner, end[..., ::-1, :]], axis=-2)
+        start = _free_end(q[..., :1, :], inner[..., :near, :], knots[..., : near + 4])
+        control = np.concatenate([start, inner], axis=-2)
     position, velocity, acceleration, slopes = _values_at_knots(control, knots)
     return Spline(
         time=time,
@@ -227,26 +234,6 @@ def _interleave(samples: np.ndarray, middles: np.ndarray) -> np.ndarray:
     return dense
 
 
-def _control_points(q: Samples, knots: np.ndarray, *, cyclic: bool, ends_at_rest: bool) -> np.ndarray:
-    """Return the control points (*batch, time + 2, columns), one beyond each end."""
-    if cyclic:
-        around = np.concatenate([q[..., -3:-1, :], q, q[..., 1:3, :]], axis=-2)
-        return _inner_control_points(around, knots)
-    if q.shape[-2] < 5 - ends_at_rest:
-        return _polynomial_control_points(q, knots, ends_at_rest=ends_at_rest)
-    inner = _inner_control_points(q, knots[..., 2:-2])
-    near = min(4, inner.shape[-2])
-    if ends_at_rest:
-        step = np.diff(knots)
-        share = (step[..., -3] / (2 * step[..., -3] + step[..., -4]))[..., None, None]
-        last = (q[..., -1:, :] - share * inner[..., -1:, :]) / (1 - share)
-        inner = np.concatenate([inner, last, inner[..., -1:, :]], axis=-2)
-    else:
-        end = _free_end(q[..., -1:, :], inner[..., : -near - 1 : -1, :], -knots[..., : -near - 5 : -1])
-        inner = np.concatenate([inner, end[..., ::-1, :]], axis=-2)
-    return np.concatenate([_free_end(q[..., :1, :], inner[..., :near, :], knots[..., : near + 4]), inner], axis=-2)
-
-
 def _inner_control_points(q: Samples, time: Instants) -> np.ndarray:
     """Return the control points of all samples except the two ends."""
     before, after = np.diff(time)[..., :-1, None], np.diff(time)[..., 1:, None]
@@ -268,7 +255,12 @@ def _free_end(q: np.ndarray, control: np.ndarray, knots: np.ndarray) -> np.ndarr
     units = np.broadcast_to(np.eye(count), (*knots.shape[:-1], count, count))
     position, _, acceleration, _ = _values_at_knots(units, knots)
     time = knots[..., 2:count]
-    ahead = np.stack([_lagrange_factor(time, k) for k in range(1, count - 2)], axis=-1)[..., None, :]
+    factors = list[np.ndarray]()  # Lagrange's factors of an extrapolation to the first time
+    for k in range(1, count - 2):
+        others = [j for j in range(1, time.shape[-1]) if j != k]
+        shares = [(time[..., 0] - time[..., j]) / (time[..., k] - time[..., j]) for j in others]
+        factors.append(np.prod(np.broadcast_arrays(np.ones(time.shape[:-1]), *shares), axis=0))
+    ahead = np.stack(factors, axis=-1)[..., None, :]
     bend = acceleration[..., :1, :] - ahead @ acceleration[..., 1:, :]
     rows = np.concatenate([position[..., :1, :], bend], axis=-2)
     right = np.concatenate([q, np.zeros_like(q)], axis=-2) - rows[..., 2:] @ control
@@ -276,21 +268,8 @@ def _free_end(q: np.ndarray, control: np.ndarray, knots: np.ndarray) -> np.ndarr
     return end
 
 
-def _lagrange_factor(time: np.ndarray, k: int) -> np.ndarray:
-    """Return the weight of the value at time k in an extrapolation.
-
-    The value at the first time is extrapolated from the values at all other times.
-    """
-    others = [j for j in range(1, time.shape[-1]) if j != k]
-    shares = [(time[..., 0] - time[..., j]) / (time[..., k] - time[..., j]) for j in others]
-    return np.prod(np.broadcast_arrays(np.ones(time.shape[:-1]), *shares), axis=0)
-
-
 def _polynomial_control_points(q: Samples, knots: np.ndarray, *, ends_at_rest: bool) -> np.ndarray:
-    """Return the control points of the polynomial through three or four samples.
-
-    The polynomial is at rest at its end if ``ends_at_rest``.
-    """
+    """Return the control points of the polynomial through three or four samples."""
     samples = q.shape[-2]
     unit = knots[..., -3:-2] - knots[..., 2:3]
     t = (knots - knots[..., 2:3]) / unit
@@ -299,16 +278,13 @@ def _polynomial_control_points(q: Samples, knots: np.ndarray, *, ends_at_rest: b
     if ends_at_rest:
         matrix = np.concatenate([matrix, np.broadcast_to(powers.astype(float), (*t.shape[:-1], 1, len(powers)))], -2)
         q = np.concatenate([q, np.zeros_like(q[..., :1, :])], axis=-2)
-    rows = np.stack([_polar_form(t[..., k : k + 3]) for k in range(samples + 2)], axis=-2)[..., : len(powers)]
+    rows = np.stack([polar_form(t[..., k : k + 3]) for k in range(samples + 2)], axis=-2)[..., : len(powers)]
     factors = np.swapaxes(np.linalg.solve(np.swapaxes(matrix, -1, -2), np.swapaxes(rows, -1, -2)), -1, -2)
     control: np.ndarray = factors @ q
     return control
 
 
-def _polar_form(t: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:
-    """Return the polar forms of 1, t, t² and t³ at three times.
-
-    The polar forms give a cubic's control point.
-    """
+def polar_form(t: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:
+    """Return the polar forms of 1, t, t² and t³ at three times. The polar forms give a cubic's control point."""
     x, y, z = t[..., 0], t[..., 1], t[..., 2]
     return np.stack([np.ones_like(x), (x + y + z) / 3, (x * y + y * z + z * x) / 3, x * y * z], axis=-1)

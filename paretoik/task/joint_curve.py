@@ -40,10 +40,7 @@ class JointState(NamedTuple):
 
 
 def interpolate(q: JointPaths, time: Series, t: Times, *, cyclic: bool, order: int = 0) -> JointPaths:
-    """Return the cubic spline through samples, or a derivative of it.
-
-    Samples are (*batch, time, dof), times t [s]; the derivative has the ``order``.
-    """
+    """Return the cubic spline through samples (*batch, time, dof) at t [s], or a derivative of it."""
     ends = "periodic" if cyclic else "not-a-knot"
     flat, times = q.reshape(-1, *q.shape[-2:]), time.reshape(-1, time.shape[-1])
     if np.all(times == times[0]):
@@ -54,10 +51,7 @@ def interpolate(q: JointPaths, time: Series, t: Times, *, cyclic: bool, order: i
 
 
 def target_rates(tasks: Sequence[Task], t: Times) -> tuple[Float[np.ndarray, "time numbers"], ...]:
-    """Return the targets of all tasks and their two time derivatives.
-
-    Times are t [s].
-    """
+    """Return the targets of all tasks and their two time derivatives. Times are t [s]."""
     first, second = zip(*(task.target_rates(t) for task in tasks), strict=True)
     return path_targets(tasks, t), np.concatenate(first, axis=1), np.concatenate(second, axis=1)
 
@@ -69,10 +63,9 @@ def project_rates(
     q: JointPaths,
     targets: Sequence[Float[np.ndarray, "*#batch instants numbers"]],
 ) -> JointState:
-    """Return the state of a spline's projection onto the path.
+    """Return the exact state of a spline's projection q onto the path.
 
-    The positions of the projection are q. The state is exact up to rounding, without differences. The linear system is
-    regular if the projection succeeded, because the sign of its determinant does not change.
+    The linear systems are regular if the projection succeeded: the sign of their determinant does not change.
     """
     points, n, rows, steps = int(np.prod(q.shape[:-1])), arm.dof, sum(task.rows for task in tasks), compiled_steps()
     given = [np.broadcast_to(part, (*q.shape[:-1], part.shape[-1])).reshape(points, -1) for part in targets]
@@ -86,9 +79,9 @@ def project_rates(
 
 
 def rate_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
-    """Return the evaluator of ∂g/∂q, ġ and g̈.
+    """Return the evaluator of ∂g/∂q, ġ and g̈ in units of ``row_scales``.
 
-    The inputs are q, q̇, q̈ and the targets with their derivatives. The path equations g are divided by ``row_scales``.
+    The inputs are q, q̇, q̈ and the targets with their derivatives.
     """
 
     def build() -> tuple[Tape, list[int]]:
@@ -100,10 +93,7 @@ def rate_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
 
 
 def normal_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
-    """Return the evaluator of J, J̇ and J̈ at s, ṡ and s̈.
-
-    Rows are divided by ``row_scales``.
-    """
+    """Return the evaluator of J, J̇ and J̈ at s, ṡ and s̈. Rows are divided by ``row_scales``."""
 
     def build() -> tuple[Tape, list[int]]:
         tape = Tape()
@@ -116,19 +106,15 @@ def normal_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
 
 
 def scaled_jacobian(tape: Tape, arm: Arm, tasks: Sequence[Task], q: list[Any]) -> list[int]:
-    """Return the entries of the tasks' Jacobian on a tape.
-
-    The entries are row by row, each row divided by its ``row_scales``.
-    """
+    """Return the entries of the tasks' Jacobian on a tape by rows, in units of ``row_scales``."""
     shares = np.repeat(1.0 / row_scales(arm, tasks), arm.dof)
     return [as_entry(tape, slope * share) for slope, share in zip(path_jacobian(arm, tasks, q), shares, strict=True)]
 
 
 def trace_path(arm: Arm, tasks: Sequence[Task]) -> tuple[Tape, list[list[int]], list[list[int]]]:
-    """Return a tape with its entries of q and g.
+    """Return a tape, its entries of (q, q̇, q̈), and those of (g, ġ, g̈).
 
-    The entries of q, q̇ and q̈ are followed by those of g, ġ and g̈. The inputs are q, q̇ and q̈, then the targets with
-    their first and second derivatives.
+    The inputs are q, q̇ and q̈, then the targets with their first and second derivatives.
     """
     tape = Tape()
     q, dq, ddq = _inputs(tape, arm.dof)

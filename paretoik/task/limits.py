@@ -152,18 +152,14 @@ class Constraint:
     scale: float
 
     def violation(self, motion: Motion) -> np.ndarray:
-        """Return the largest violation (*batch,) as a fraction of the limit's range.
-
-        The violation is at most 0 if the limit is satisfied. Raises what ``shares`` does.
-        """
+        """Return the largest violation (*batch,) per range, at most 0 if satisfied."""
         shares = self.shares(motion.instants)
         return np.asarray(shares.max(axis=-1) if self.form == "peak" else shares)
 
     def shares(self, motion: Motion) -> np.ndarray:
-        """Return violations as fractions of the limit's range.
+        """Return violations per range; one per instant if the form is "peak".
 
-        There is one violation per instant if the form is "peak". Raises, naming the constraint, InvalidInput if the
-        function returns another shape or values that are not real, and EvaluationFailed if it raises.
+        Raises InvalidInput and EvaluationFailed as objectives do.
         """
         name = f"constraint {self.name}"
         if self.form == "integral":
@@ -218,10 +214,7 @@ def constraint(
 
 
 def relative_violation(kind: str, bounds: Bounds, motion: Motion) -> Float[np.ndarray, "*batch time dof"]:
-    """Return the violation of a joint limit per sample.
-
-    The violation is a fraction of the limit's range, at most 0 if the limit is satisfied.
-    """
+    """Return the violation of a joint limit per sample and range, at most 0 if satisfied."""
     lower, upper = bounds[..., 0], bounds[..., 1]
     values = getattr(motion, LIMITED[kind])
     if kind == "velocity" and motion.derivatives is not None:
@@ -231,10 +224,7 @@ def relative_violation(kind: str, bounds: Bounds, motion: Motion) -> Float[np.nd
 
 
 def limit_ranges(lower: np.ndarray, upper: np.ndarray, usual: np.ndarray | float = 1.0) -> np.ndarray:
-    """Return the widths of limits, for a single bound its size.
-
-    If the width or size is 0, the range is ``usual``.
-    """
+    """Return the widths of limits, for a single bound its size. If the width or size is 0, the range is ``usual``."""
     width = upper - lower
     one_sided = np.where(np.isfinite(upper), np.abs(upper), np.abs(lower))
     size = np.where(np.isfinite(width), width, np.where(np.isfinite(one_sided), one_sided, 0.0))
@@ -261,9 +251,9 @@ def usual_ranges(kind: str, arm: Arm, duration: float) -> Float[np.ndarray, " do
 
 
 def position_ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Float[np.ndarray, "*times dof"]:
-    """Return the ranges [rad, m] of joints between their position limits.
+    """Return the ranges [rad, m] between position limits, inf without limits.
 
-    If a joint has only one limit, its range is a whole turn or the arm's length. If it has none, its range is inf.
+    With one limit only it is a whole turn or the arm's length.
     """
     span = limits[..., 1] - limits[..., 0]
     one_sided = np.isfinite(limits).any(axis=-1) & np.isinf(span)
@@ -271,10 +261,7 @@ def position_ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Floa
 
 
 def _sides(name: str, value: object) -> tuple[float, float]:
-    """Return the limits of one joint, a number or (lower, upper).
-
-    Raises InvalidInput for other values.
-    """
+    """Return the limits of one joint, a number or (lower, upper). Raises InvalidInput for other values."""
     if isinstance(value, tuple) and len(value) == 2:
         low, high = real_number(name, value[0]), real_number(name, value[1])
     else:
@@ -285,10 +272,7 @@ def _sides(name: str, value: object) -> tuple[float, float]:
 
 
 def _bounds(kind: str, limit: object, arm: Arm, samples: int) -> Bounds:
-    """Return limits of a kind as an array (1 or time, dof, 2).
-
-    The arm's own limits apply without a limit (None), and to joints that a mapping does not name.
-    """
+    """Return limits of a kind (1 or time, dof, 2); the arm's own apply if none is given or named."""
     if limit is None or isinstance(limit, Mapping):
         declared = LIMIT_KINDS[kind].declared
         own = getattr(arm, declared) if declared else None
@@ -304,26 +288,20 @@ def _bounds(kind: str, limit: object, arm: Arm, samples: int) -> Bounds:
                 raise InvalidInput(f"{kind} limit of {joint} must be lower ≤ upper, got {sides[0]} and {sides[1]}")
             bounds[arm.joint_names.index(joint)] = sides
         return bounds[None]
-    lower, upper = limit if isinstance(limit, tuple) and len(limit) == 2 else (None, limit)
-    high = _side(kind, upper, arm, samples)
-    low = -high if lower is None else _side(kind, lower, arm, samples)
-    low, high = np.broadcast_arrays(low, high)
-    invalid = np.isnan(low) | np.isnan(high) | (low > high)
-    if invalid.any():
-        sample, joint = np.argwhere(invalid)[0]
+    arrays = list[np.ndarray]()
+    for side in limit if isinstance(limit, tuple) and len(limit) == 2 else (limit,):
+        array = real_array(f"{kind} limit", side)
+        if array.shape not in ((), (arm.dof,), (samples, arm.dof)):
+            raise InvalidInput(
+                f"{kind} limit must be one number, {arm.dof} (one per joint) or an array ({samples}, {arm.dof}), got "
+                f"shape {array.shape}; a lower and an upper limit are a tuple (lower, upper) of these, such as "
+                "tuple(arm.position_limits.T)"
+            )
+        arrays.append(np.broadcast_to(array, (samples if array.ndim == 2 else 1, arm.dof)))
+    low, high = np.broadcast_arrays(arrays[0] if len(arrays) == 2 else -arrays[0], arrays[-1])
+    for sample, joint in np.argwhere(~(low <= high)):
         raise InvalidInput(
             f"{kind} limit of {arm.joint_names[joint]} must be lower ≤ upper, got {low[sample, joint]} and "
             f"{high[sample, joint]}"
         )
     return np.stack([low, high], axis=-1)
-
-
-def _side(kind: str, values: object, arm: Arm, samples: int) -> np.ndarray:
-    array = real_array(f"{kind} limit", values)
-    if array.shape not in ((), (arm.dof,), (samples, arm.dof)):
-        raise InvalidInput(
-            f"{kind} limit must be one number, {arm.dof} (one per joint) or an array ({samples}, {arm.dof}), got shape "
-            f"{array.shape}; a lower and an upper limit are a tuple (lower, upper) of these, such as "
-            "tuple(arm.position_limits.T)"
-        )
-    return np.broadcast_to(array, (max(1, len(array) if array.ndim == 2 else 1), arm.dof))

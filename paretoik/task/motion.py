@@ -48,10 +48,7 @@ from paretoik.task.task import Task, path_targets
 
 
 def checked_samples(arm: Arm, q: object, time: object) -> tuple[JointPaths, np.ndarray]:
-    """Return the samples of a motion and their times as floats.
-
-    Raises InvalidInput if samples and times do not make a motion.
-    """
+    """Return the samples of a motion and their times as floats. Raises InvalidInput."""
     check_arm("motion: arm", arm)
     positions, times = real_array("motion: q", q), real_array("motion: time", time)
     if positions.ndim < 2 or positions.shape[-1] != arm.dof:
@@ -134,8 +131,7 @@ class Motion:
         read_list("tasks", self.tasks, Task, "a tuple of tasks")
         check_obstacles(self.obstacles)
         check_link_radius(self.link_radius)
-        if self.derivatives is not None:
-            check_instance("derivatives", self.derivatives, Derivatives, "Derivatives or None")
+        check_instance("derivatives", self.derivatives, Derivatives | None, "Derivatives or None")
         if self.cyclic:
             distance = np.abs(q[..., -1, :] - q[..., 0, :])
             if (distance / joint_scales(self.arm)).max(initial=0.0) > CLOSURE_TOLERANCE:
@@ -191,10 +187,7 @@ class Motion:
 
     @cached_property
     def jerk(self) -> JointPaths:
-        """Joint jerks (*batch, time, dof) [rad/s³, m/s³].
-
-        They are differences of accelerations, or the jerks of the spline.
-        """
+        """Joint jerks (*batch, time, dof) [rad/s³, m/s³]: differences, or those of the spline."""
         if self.derivatives is not None:
             return self.derivatives.jerk
         if self.differences == "spline":
@@ -234,10 +227,7 @@ class Motion:
 
     @cached_property
     def manipulability(self) -> Series:
-        """Yoshikawa's √det(J Jᵀ) (*batch, time) of the tasks' Jacobian.
-
-        If there are no tasks, J is the Jacobian of the tool.
-        """
+        """Yoshikawa's √det(J Jᵀ) (*batch, time) of the tasks, or of the tool without tasks."""
         if self.tasks:
             jacobian = self._errors[1]
         else:
@@ -263,10 +253,7 @@ class Motion:
 
     @cached_property
     def clearance(self) -> Series:
-        """Distance [m] of the links from the nearest obstacle (*batch, time).
-
-        Links are capsules of ``link_radius``.
-        """
+        """Distance [m] of the links from the nearest obstacle (*batch, time). Links are capsules of ``link_radius``."""
         return read_only(clearance(self.obstacles, self.links, self.link_radius))
 
     @cached_property
@@ -278,9 +265,8 @@ class Motion:
     def instants(self) -> Motion:
         """The motion at the times at which objectives and limits are evaluated.
 
-        With differences="spline" these are the samples and the middles between them, (*batch, 2 · time − 1, dof). The
-        values are those of the curve, or of the spline if the curve leaves its path there. With other differences it is
-        the motion itself.
+        For splines these are the samples and the middles between them, (*batch, 2 · time − 1, dof), with values of the
+        curve, or of the spline if the curve leaves its path. Otherwise it is the motion itself.
         """
         if self.differences != "spline" or self.derivatives is not None:
             return self
@@ -293,10 +279,9 @@ class Motion:
 
     @cached_property
     def of_spline(self) -> Motion:
-        """The state of the spline at the ``instants`` before its projection.
+        """The state of the spline at the ``instants`` before its projection, if there is one.
 
-        With other differences it is the motion itself. Integrals with kinks use this state, because a joint that is at
-        rest on the spline can move a little on the curve.
+        Integrals with kinks use it: a joint at rest on the spline can move a little on the curve.
         """
         instants = self.instants
         if instants.derivatives is None or instants.derivatives.spline is None:
@@ -307,10 +292,7 @@ class Motion:
 
     @property
     def velocity_bounds(self) -> JointPaths:
-        """Velocities at the ``instants``, which bound the peaks of a spline.
-
-        At the middle instants of a spline they are Bernstein coefficients of the velocity.
-        """
+        """Velocities at the ``instants``; in the middles of a spline, its Bernstein coefficients."""
         return self.dq if self.derivatives is None else self.derivatives.velocity_bounds
 
     @property
@@ -363,10 +345,7 @@ class Motion:
         return project_rates(self.arm, self.tasks, spline, q, target_rates(self.tasks, instants))
 
     def _instants(self, t: np.ndarray, project: bool) -> np.ndarray:
-        """Return times as an array.
-
-        Raises InvalidInput for times outside the motion.
-        """
+        """Return times as an array. Raises InvalidInput for times outside the motion."""
         check_flag("project", project)
         instants = np.atleast_1d(finite_array("at: times t", t))
         if instants.ndim != 1:
@@ -392,10 +371,7 @@ class Motion:
 
     @cached_property
     def _nodes(self) -> JointState:
-        """State of the curve at the samples and the middles.
-
-        It is the state of the spline if the curve leaves the path there.
-        """
+        """State of the curve at samples and middles, or of the spline if the curve leaves the path."""
         spline = self._spline_nodes
         if not self.tasks:
             return spline

@@ -18,7 +18,13 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import characteristic_length
 from paretoik.stop_flag import check_interruption
 from paretoik.tables import field_representation, html_representation
-from paretoik.task.differences import Derivatives, Differences, quadrature_weights, simpson_weights, with_midpoints
+from paretoik.task.differences import (
+    Derivatives,
+    Differences,
+    quadrature_weights,
+    simpson_weights,
+    with_midpoints,
+)
 from paretoik.task.limits import LIMIT_TOLERANCE, Bounds, Constraint, limit_ranges, relative_violation, usual_ranges
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective
@@ -35,35 +41,23 @@ Columns = Float[np.ndarray, "pieces instants columns"]
 
 @dataclass(frozen=True, kw_only=True)
 class RefinementOptions:
-    """Settings of grids between samples.
+    """Settings of grids between samples."""
 
-    steps: number of steps of an interval between two samples, and of a step that is divided again
-    width: number of points of a finite difference
-    divisions: largest number of steps that are divided at once
-    rounds: largest number of divisions
-    rounding: share of a limit's range by which a bound may exceed the largest value
-    share: share of the largest value by which a bound may exceed it
-    """
-
-    steps: int = 8
-    width: int = 6
-    divisions: int = 64
-    rounds: int = 12
-    rounding: float = 1e-10
-    share: float = 1e-3
+    steps: int = 8  # number of steps of an interval between two samples, and of a step that is divided again
+    width: int = 6  # number of points of a finite difference
+    divisions: int = 64  # largest number of steps that are divided at once
+    rounds: int = 12  # largest number of divisions
+    rounding: float = 1e-10  # share of a limit's range by which a bound may exceed the largest value
+    share: float = 1e-3  # share of the largest value by which a bound may exceed it
 
 
 OPTIONS = RefinementOptions()
 
 
 def finer_motion(motions: Motion, refinement: int = OPTIONS.steps) -> Motion:
-    """Return the projected curves of motions on a finer grid.
+    """Return the projected curves of one task's motions (*batch, time, dof) on a finer grid.
 
-    Motions (*batch, time, dof) are of one task.
-
-    Velocities and accelerations are those of the curve for all kinds of differences.
-
-    Raises Infeasible if a motion leaves its path between its samples.
+    Velocities and accelerations are those of the curve for all differences. Raises Infeasible off the path.
     """
     time = motions.time.reshape(-1, motions.time.shape[-1])[0]
     curves = curve_on(motions, divide(time, refinement))
@@ -86,15 +80,14 @@ def divide(time: Float[np.ndarray, " time"], steps: int = OPTIONS.steps) -> Piec
 def curve_on(motions: Motion, times: Pieces) -> tuple[Float[np.ndarray, "*batch pieces instants dof"], ...]:
     """Return position, velocity, acceleration and jerk of motions' curves at times.
 
-    Times are evenly spaced in each piece. The jerk is a difference; the other values are exact. If the path has no
-    exact rates, velocity and acceleration are those of the spline plus differences of the small correction onto the
-    path.
+    Times are evenly spaced in each piece. The jerk is a difference. If the path has no exact rates, velocity and
+    acceleration are the spline's plus differences of the small correction onto the path.
     """
     steps = (times[:, -1] - times[:, 0]) / (times.shape[1] - 1)
     shape = (*motions.q.shape[:-2], *times.shape, motions.arm.dof)
 
     def slope(values: np.ndarray, order: int = 1) -> np.ndarray:
-        return _difference_matrix(times.shape[1], order) @ values / steps[:, None, None] ** order
+        return difference_matrix(times.shape[1], order) @ values / steps[:, None, None] ** order
 
     if all(isinstance(task.path.curve, SmoothCurve) for task in motions.tasks):
         q, dq, ddq = (part.reshape(shape) for part in motions.state(times.ravel()))
@@ -145,11 +138,8 @@ def _step_bounds(times: Pieces, values: Columns) -> tuple[np.ndarray, np.ndarray
 
 
 @cache
-def _difference_matrix(points: int, order: int) -> np.ndarray:
-    """Return the differentiation matrix of the polynomial through the nearest points.
-
-    The points are 1 apart.
-    """
+def difference_matrix(points: int, order: int) -> np.ndarray:
+    """Return the differentiation matrix of the polynomial through the nearest points. The points are 1 apart."""
     width = min(OPTIONS.width, points)
     first = np.clip(np.arange(points) - width // 2, 0, points - width)
     matrix = np.zeros((points, points))
@@ -166,16 +156,11 @@ def _difference_matrix(points: int, order: int) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class SampleOptions:
-    """Settings of checks for under-resolved samples, and of added samples.
+    """Settings of checks for under-resolved samples, and of added samples."""
 
-    steps: number of steps between samples on the grid of the curve
-    doublings: largest number of times that the intervals of a path are doubled if a value is under-resolved
-    helped: largest share of the median error after doubling for which intervals are doubled again
-    """
-
-    steps: int = 50
-    doublings: int = 3
-    helped: float = 0.5
+    steps: int = 50  # number of steps between samples on the grid of the curve
+    doublings: int = 3  # largest number of times that the intervals of a path are doubled if a value is under-resolved
+    helped: float = 0.5  # largest share of the median error after doubling for which they are doubled again
 
 
 SAMPLES = SampleOptions()
@@ -183,22 +168,17 @@ SAMPLES = SampleOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionTask:
-    """One checked motion problem, made with ``motion_task``.
+    """One checked motion problem, made with ``motion_task``."""
 
-    arm: arm with the position limits of the problem, the widest ones if they vary along the path
-    start: joint positions (dof,), or None for a free start
-    bounds: arrays (1 or time, dof, 2) of limits by kind
-    """
-
-    arm: Arm
+    arm: Arm  # arm with the position limits of the problem, the widest ones if they vary along the path
     tasks: tuple[Task, ...]
     objectives: tuple[Objective, ...]
     constraints: tuple[Constraint, ...]
-    bounds: dict[str, Bounds]
+    bounds: dict[str, Bounds]  # arrays (1 or time, dof, 2) of limits by kind
     obstacles: tuple[Obstacle, ...]
     link_radius: float
     min_clearance: float
-    start: Float[np.ndarray, " dof"] | None
+    start: Float[np.ndarray, " dof"] | None  # joint positions (dof,), or None for a free start
     ends_at_rest: bool
     cyclic: bool
     differences: Differences
@@ -213,10 +193,7 @@ class MotionTask:
 
     @cached_property
     def instants(self) -> Times:
-        """Times [s] at which objectives and limits are evaluated.
-
-        They are the samples, for splines also the middles between samples.
-        """
+        """Times [s] of objectives and limits: the samples, for splines also the middles between."""
         return with_midpoints(self.times) if self.differences == "spline" else self.times
 
     @property
@@ -233,10 +210,7 @@ class MotionTask:
 
     @property
     def ties_end(self) -> bool:
-        """Whether rest at the end determines the last sample.
-
-        If so, the last sample is the posture on the path nearest to the sample before it.
-        """
+        """Whether rest at the end makes the last sample the posture nearest to the one before."""
         return self.ends_at_rest and self.differences != "spline"
 
     @property
@@ -274,42 +248,27 @@ class MotionTask:
         return replace(self, tasks=tasks, bounds=bounds)
 
     def subsample(self, samples: int) -> MotionTask:
-        """Return the same task at some of its samples, ends included.
-
-        Raises InvalidInput if the task has fewer samples.
-        """
+        """Return the same task at some of its samples, ends included. Raises InvalidInput."""
         return self._with_paths(lambda path: path.subsample(samples))
 
     def truncate(self, samples: int) -> MotionTask:
-        """Return the task of the first ``samples`` samples, not cyclic.
-
-        Raises InvalidInput if the task has fewer samples.
-        """
+        """Return the task of the first ``samples`` samples, not cyclic. Raises InvalidInput."""
         if samples == len(self.times):
             return self
         return replace(self._with_paths(lambda path: path.truncate(samples)), cyclic=False)
 
     def standing(self, times: Times, sample: int = 0) -> MotionTask:
-        """Return the task of a tool that rests at a sample's target.
-
-        The task is not cyclic and has its own ``times``.
-        """
+        """Return the task of a tool that rests at a sample's target, with its own ``times``."""
         tasks = tuple(replace(task, path=task.path.standing(times, sample)) for task in self.tasks)
         bounds = {kind: limits[min(sample, len(limits) - 1), None] for kind, limits in self.bounds.items()}
         return replace(self, tasks=tasks, bounds=bounds, cyclic=False)
 
     def resample(self, samples: int) -> MotionTask:
-        """Return the same task at evenly spaced samples.
-
-        Limits that vary along the path are interpolated linearly.
-        """
+        """Return the same task at evenly spaced samples; limits along it are interpolated."""
         return self._with_paths(lambda path: path.resample(samples))
 
     def with_midpoints(self) -> MotionTask:
-        """Return the task with one sample added in each interval's middle.
-
-        Limits that vary along the path are interpolated linearly.
-        """
+        """Return the task with midpoints of its intervals added; limits along it are interpolated."""
         return self._with_paths(Path.with_midpoints)
 
     @cached_property
@@ -318,26 +277,26 @@ class MotionTask:
         return {kind: np.flatnonzero(np.isfinite(each).any(axis=(0, 2))) for kind, each in self.bounds.items()}
 
     @cached_property
+    def limit_joints(self) -> tuple[tuple[str, int], ...]:
+        """Kind and joint of each column of ``violations``; name and −1 if it has no joint."""
+        joints = [(kind, int(joint)) for kind, joints in self.limited_joints.items() for joint in joints]
+        others = [*["clearance"] * bool(self.obstacles), *(each.name for each in self.constraints)]
+        return (*joints, *((name, -1) for name in others))
+
+    @cached_property
     def limit_names(self) -> tuple[str, ...]:
         """A name for each column of ``violations``."""
-        joints = tuple(f"{kind} of {self.arm.joint_names[j]}" for kind, js in self.limited_joints.items() for j in js)
-        return joints + (("clearance",) if self.obstacles else ()) + tuple(c.name for c in self.constraints)
+        return tuple(f"{kind} of {self.arm.joint_names[j]}" if j >= 0 else kind for kind, j in self.limit_joints)
 
     def violations(self, motion: Motion) -> Float[np.ndarray, "*batch limits"]:
-        """Return the largest violation (*batch, limits) of every limit.
-
-        A violation is a fraction of the limit's range, at most 0 if the limit is satisfied.
-        """
+        """Return the largest violation (*batch, limits) of every limit per range, at most 0 if satisfied."""
         motion = motion.instants
         columns = [shares.max(axis=-2) for shares in self._limit_shares(motion)]
         columns += [each.violation(motion)[..., None] for each in self.constraints]
         return np.concatenate(columns, axis=-1) if columns else np.zeros((*motion.q.shape[:-2], 0))
 
     def _limit_shares(self, motion: Motion) -> list[Float[np.ndarray, "*batch instants limits"]]:
-        """Return the violations at every instant.
-
-        There is one array for joint limits of each kind, and one for clearance.
-        """
+        """Return the violations at every instant: an array per joint limit, and one for clearance."""
         columns = [
             relative_violation(kind, self.bounds_at(kind, motion.time), motion)[..., joints]
             for kind, joints in self.limited_joints.items()
@@ -349,10 +308,7 @@ class MotionTask:
     def bounds_at(
         self, kind: str, time: Float[np.ndarray, "*batch instants"]
     ) -> Float[np.ndarray, "*batch #time dof 2"]:
-        """Return the limits of a kind at times.
-
-        Limits that vary along the path are linear between samples.
-        """
+        """Return the limits of a kind at times. Limits that vary along the path are linear between samples."""
         bounds = self.bounds[kind]
         if len(bounds) == 1 or np.array_equal(time, self.times):
             return bounds
@@ -367,10 +323,7 @@ class MotionTask:
 
     @property
     def clearance_range(self) -> float:
-        """Divisor of violations of clearance [m].
-
-        It is the required clearance, or 1 % of the arm's length if that is larger.
-        """
+        """Divisor of violations of clearance [m]: the required one, at least 1 % of the arm's length."""
         return max(self.min_clearance, 0.01 * characteristic_length(self.arm))
 
     def violation_between(self, motions: Motion) -> Float[np.ndarray, " points"]:
@@ -399,10 +352,9 @@ class MotionTask:
         return worst
 
     def discretisation_errors(self, motions: Motion) -> Float[np.ndarray, "points n_obj"]:
-        """Return the discretisation errors of motions' objectives, in the objectives' units.
+        """Return the errors of motions' objectives relative to the curve sampled 50 times finer.
 
-        An error is relative to the value of the curve, sampled 50 times finer. It is infinite if a motion leaves its
-        path between samples.
+        An error is infinite if a motion leaves its path between samples.
         """
         try:
             finer = finer_motion(motions, SAMPLES.steps)
@@ -451,55 +403,32 @@ class MotionTask:
         elif name == "clearance":
             message = f"clearance is {self.min_clearance - motion.clearance.min():.3g} m short{where}"
         else:
-            message = f"{name} is {self._end(worst, motion) or ('exceeded' if where else 'violated')} {amount}{where}"
+            (kind, joint), side = self.limit_joints[worst], "exceeded" if where else "violated"
+            if kind == "position" and joint >= 0:
+                instant = self.worst_instant(worst, motion)
+                lower = np.broadcast_to(self.bounds_at(kind, motion.time)[..., joint, 0], len(motion.time))
+                is_below = motion.q[instant, joint] < lower[instant]
+                side = "below its lower limit" if is_below else "above its upper limit"
+            message = f"{name} is {side} {amount}{where}"
         others = np.flatnonzero(violations >= (1 - 1e-3) * violations[worst]).tolist()
         tied = [f"{self.limit_names[i]}{self._where(i, motion, numbers)}" for i in others if i != worst]
         return message + (f"; so is {' and '.join(tied)}" if tied else "")
 
     def worst_instant(self, limit: int, motion: Motion) -> int:
-        """Return the instant at which a motion violates a limit most.
-
-        The instant is −1 for a limit on the whole motion.
-        """
-        kind, joint = self._joint_limit(limit)
+        """Return the instant of a limit's largest violation, −1 for a limit on the whole motion."""
+        kind, joint = self.limit_joints[limit]
         if joint >= 0:
             violation = relative_violation(kind, self.bounds_at(kind, motion.time), motion)
             return int(np.argmax(violation[..., joint]))
         return int(motion.clearance.argmin()) if kind == "clearance" else -1
 
-    def _joint_limit(self, limit: int) -> tuple[str, int]:
-        """Return kind and joint of a column of ``violations``.
-
-        If the limit is not a joint limit, they are its name and −1.
-        """
-        every = [(kind, int(joint)) for kind, joints in self.limited_joints.items() for joint in joints]
-        return every[limit] if limit < len(every) else (self.limit_names[limit], -1)
-
     def worst_sample(self, limit: int, motion: Motion) -> int:
-        """Return the sample nearest to the largest violation of a limit.
-
-        The sample is −1 for a limit on the whole motion.
-        """
+        """Return the sample nearest to a limit's largest violation, −1 for the whole motion."""
         instant = self.worst_instant(limit, motion := motion.instants)
         return instant if instant < 0 else int(np.argmin(np.abs(self.times - motion.time[instant])))
 
-    def _end(self, limit: int, motion: Motion) -> str:
-        """Return in words the exceeded side of a position limit.
-
-        The text is "" for other limits.
-        """
-        kind, joint = self._joint_limit(limit)
-        if kind != "position" or joint < 0:
-            return ""
-        instant = self.worst_instant(limit, motion)
-        lower = np.broadcast_to(self.bounds_at(kind, motion.time)[..., joint, 0], len(motion.time))
-        return "below its lower limit" if motion.q[instant, joint] < lower[instant] else "above its upper limit"
-
     def _where(self, limit: int, motion: Motion, numbers: Int[np.ndarray, " time"] | None) -> str:
-        """Return in words the time of a limit's largest violation.
-
-        The text is "" for a limit on the whole motion.
-        """
+        """Return in words the time of a limit's largest violation. The text is "" for a limit on the whole motion."""
         instant = self.worst_instant(limit, motion)
         if instant < 0:
             return ""
@@ -536,10 +465,7 @@ def examine_functions(
 
 
 def require_values(task: MotionTask, motions: Motion) -> Objectives:
-    """Return the objectives F of motions, as ``evaluate_motions`` does.
-
-    Raises EvaluationFailed with the first cause if all motions failed.
-    """
+    """Return F as ``evaluate_motions`` does. Raises EvaluationFailed if all motions failed."""
     F, _, causes = evaluate_motions(task, motions)
     _require_value(causes)
     return F
@@ -553,10 +479,9 @@ def _require_value(causes: np.ndarray) -> None:
 def evaluate_motions(
     task: MotionTask, motions: Motion, *, interruptible: bool = True
 ) -> tuple[Objectives, np.ndarray, np.ndarray]:
-    """Return objectives F, violations of limits, and causes of failure.
+    """Return minimised objectives F, violations (points, limits), and causes of failure (points,).
 
-    F is minimised. Violations are (points, limits), causes (points,). Failed evaluations are NaN and have a cause.
-    Raises Interrupted after a signal, if ``interruptible``.
+    Failed evaluations are NaN and have a cause. Raises Interrupted after a signal, if ``interruptible``.
     """
     if interruptible:
         check_interruption()
@@ -573,10 +498,7 @@ def _isolate(
     causes: np.ndarray,
     interruptible: bool,
 ) -> np.ndarray:
-    """Return the values (points, names) of users' functions of motions.
-
-    If a function raises for the batch, it is evaluated motion by motion. Failed values are NaN.
-    """
+    """Return the values (points, names) of users' functions of motions; NaN if they fail alone."""
     if interruptible:
         check_interruption()
     try:

@@ -58,8 +58,7 @@ class Objective:
     def __call__(self, motion: Motion) -> Values:
         """Return the objective's values (*batch,), in the user's own sign.
 
-        Raises, naming the objective, InvalidInput if the function returns another shape or values that are not real,
-        and EvaluationFailed if it raises.
+        Raises, naming the objective, InvalidInput for values of another shape or type, EvaluationFailed if it raises.
         """
         name = f"objective {self.name}"
         if not hasattr(motion, "q"):
@@ -121,9 +120,9 @@ def objective(
 
 
 def evaluate_function(name: str, function: Function, motion: Motion, form: Form) -> np.ndarray:
-    """Return a function's values after checking shape and type; errors begin with ``name``.
+    """Return a function's checked values; errors begin with ``name``.
 
-    Raises EvaluationFailed if the function raises, InvalidInput if it does not return the array of its form.
+    Raises EvaluationFailed if the function raises, InvalidInput for values of another shape or type.
     """
     of_times = form in ("integral", "peak")
     shape = motion.q.shape[:-1] if of_times else motion.q.shape[:-2]
@@ -156,12 +155,7 @@ def evaluate_function(name: str, function: Function, motion: Motion, form: Form)
 
 
 def evaluate_integral(name: str, term: Any, motion: Motion) -> np.ndarray:
-    """Return the integrals (*batch,) of an objective's or a constraint's function.
-
-    A function with kinks is integrated on ``Motion.of_spline``, if the motion's differences are "spline".
-
-    Raises as ``evaluate_function`` does.
-    """
+    """Return the integrals (*batch,) of a function; with kinks, on ``Motion.of_spline``."""
     instants = motion.instants
     if motion.differences == "spline" and has_kinks(
         term, motion.arm, motion.tasks, motion.obstacles, motion.link_radius
@@ -281,10 +275,7 @@ def _nearness(name: str, kind: str, values: Any, lower: np.ndarray, upper: np.nd
 def _limited_joints(
     name: str, kind: str, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return which joints have two different limits, and these limits.
-
-    Raises InvalidInput if no joint has two different limits.
-    """
+    """Return which joints have two different limits, and these. Raises InvalidInput if none has."""
     limited = np.isfinite(upper - lower) & (upper > lower)
     if not limited.any():
         raise InvalidInput(f"{name} must have {kind} limits at both ends, got an arm none of whose joints has these")

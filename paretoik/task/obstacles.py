@@ -155,10 +155,7 @@ def clearance(
 
 
 def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 3"], radius: float = 0.0) -> str:
-    """Return in words the link and the obstacle nearest to each other.
-
-    Both are counted from 1.
-    """
+    """Return in words the link and the obstacle nearest to each other. Both are counted from 1."""
     starts, ends = nodes[:-1], nodes[1:]
     distances = np.stack([signed_distance(obstacle, starts, ends) for obstacle in obstacles]) - radius
     obstacle, link = np.unravel_index(int(np.argmin(distances)), distances.shape)
@@ -184,10 +181,7 @@ def signed_distance(
 
 
 def distance_components(obstacle: Obstacle, start: Components, end: Components) -> Numbers:
-    """Return ``signed_distance`` of points given as components.
-
-    The computation is plain NumPy, which can be traced for derivatives.
-    """
+    """Return ``signed_distance`` of points as components, in plain NumPy that can be traced."""
     if isinstance(obstacle, Box):
         position = _components(obstacle.pose.position[None])
         axes = [_components(axis[None]) for axis in obstacle.pose.rotation.T[: len(obstacle.half_sizes)]]

@@ -97,9 +97,7 @@ class Path:
         return distance <= CLOSURE_TOLERANCE * extent and turn <= CLOSURE_TOLERANCE
 
     def at(self, t: ArrayLike) -> tuple[Float[np.ndarray, "*batch axes"], Float[np.ndarray, "*batch 4"] | None]:
-        """Return positions [m] and quaternions at times ``t`` (...) [s].
-
-        Positions are (..., 2 or 3), quaternions (..., 4), or None on a path of points.
+        """Return positions (..., 2 or 3) [m] and quaternions (..., 4), or None, at times t (...) [s].
 
         Raises InvalidInput for times outside the path by more than rounding (1e-9 of its duration).
         """
@@ -115,10 +113,10 @@ class Path:
         return positions, np.where(flipped[:, None], -quaternions, quaternions).reshape(*instants.shape, 4)
 
     def rates(self, t: Times) -> Rates:
-        """Return velocities and accelerations of the path at times ``t`` [s].
+        """Return velocities and accelerations of the path at times t (time,) [s].
 
-        Times are (time,). Angular rates are about world axes. Rates are exact, or differences if the ``curve`` is a
-        function without derivatives. Raises InvalidInput for times outside the path.
+        Angular rates are about world axes. Rates are differences if the ``curve`` has no derivatives. Raises
+        InvalidInput for times outside the path.
         """
         instants = self._instants(t)
         if instants.ndim != 1:
@@ -142,10 +140,7 @@ class Path:
         return Rates(linear[:, 0], linear[:, 1], angular[:, 0], angular[:, 1])
 
     def _instants(self, t: ArrayLike) -> np.ndarray:
-        """Return times as an array, clipped to the path.
-
-        Raises InvalidInput for times outside the path by more than rounding.
-        """
+        """Return times as an array, clipped to the path. Raises InvalidInput for times outside it."""
         instants = finite_array("path: time t", t)
         outside = np.flatnonzero(np.abs(instants / self.duration - 0.5) > 0.5 + 1e-9)
         if len(outside):
@@ -161,18 +156,14 @@ class Path:
         return sample_curve(self.curve, with_midpoints(self.times))
 
     def subsample(self, samples: int) -> Path:
-        """Return the same path at a number of its samples.
+        """Return the same path at a number of its samples, ends included, as even as possible.
 
-        Both ends are included; the other samples are as evenly spaced as possible. Raises InvalidInput for more samples
-        than the path has, or fewer than three.
+        Raises InvalidInput for more samples than the path has, or fewer than three.
         """
         return self._select(np.rint(np.linspace(0, self.samples - 1, self._count_among(samples))).astype(int))
 
     def truncate(self, samples: int) -> Path:
-        """Return the path of the first ``samples`` samples.
-
-        Raises InvalidInput as ``subsample`` does.
-        """
+        """Return the path of the first ``samples`` samples. Raises InvalidInput as ``subsample`` does."""
         return self._select(np.arange(self._count_among(samples)))
 
     def standing(self, times: Times, sample: int = 0) -> Path:
@@ -202,10 +193,7 @@ class Path:
 
 
 def sample_curve(curve: Curve, times: Times) -> Path:
-    """Return the path of a curve with samples at ``times``.
-
-    Quaternions have continued signs.
-    """
+    """Return the path of a curve with samples at ``times``. Quaternions have continued signs."""
     positions, quaternions = curve(times)
     if quaternions is not None:
         reversals = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0, -1.0, 1.0)
@@ -214,18 +202,12 @@ def sample_curve(curve: Curve, times: Times) -> Path:
 
 
 def even_times(duration: float, samples: int) -> Times:
-    """Return evenly spaced times [s] from 0 to ``duration``.
-
-    Raises InvalidInput for a bad duration or number of samples.
-    """
+    """Return evenly spaced times [s] from 0 to ``duration``. Raises InvalidInput."""
     return np.linspace(0.0, positive_number("duration", duration, "s"), sample_count(samples))
 
 
 def sample_count(samples: int) -> int:
-    """Return the number of samples of a path.
-
-    Raises InvalidInput for fewer than three samples.
-    """
+    """Return the number of samples of a path. Raises InvalidInput for fewer than three samples."""
     check_size("samples", samples, 3)
     return int(samples)
 
@@ -442,10 +424,9 @@ def _warn_of_taught_points(
     positions: Float[np.ndarray, "points axes"],
     quaternions: Float[np.ndarray, "points 4"] | None,
 ) -> None:
-    """Warn of points that are too near, and of curves that run backwards.
+    """Warn of points much nearer than their neighbours, and of curves that run backwards.
 
-    Points are too near if their distance is much smaller than the neighbouring distances. A curve runs backwards if it
-    moves against the step from one point to the next, or away from the point if the step is 0.
+    A curve runs backwards if it moves against the step between points, or away from a point if this is 0.
     """
     steps = np.diff(positions, axis=0)
     lengths = np.linalg.norm(steps, axis=1)

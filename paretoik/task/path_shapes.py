@@ -48,10 +48,7 @@ def progress(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float
 def progress_rates(
     t: Float[np.ndarray, "*batch"], duration: float, law: str
 ) -> tuple[Float[np.ndarray, "*batch"], Float[np.ndarray, "*batch"]]:
-    """Return the first two time derivatives [1/s, 1/s²] of ``progress``.
-
-    Times ``t`` are in [0, duration] [s].
-    """
+    """Return the first two time derivatives [1/s, 1/s²] of ``progress``. Times ``t`` are in [0, duration] [s]."""
     fraction = np.asarray(t, dtype=float) / duration
     if law == "uniform":
         return np.full_like(fraction, 1 / duration), np.zeros_like(fraction)
@@ -101,10 +98,7 @@ CLOSURE_TOLERANCE = 1e-9  # share of a path's or an arm's length, or rad: nearer
 
 @dataclass(frozen=True, eq=False)
 class TimedCurve:
-    """A curve ``shape``, travelled in ``duration`` [s] by a time law.
-
-    The parameter of the shape is the fraction covered, 0 to 1. Raises InvalidInput for an unknown law.
-    """
+    """A curve ``shape`` of the fraction covered, travelled in ``duration`` [s] by a time law."""
 
     shape: SmoothCurve
     duration: float
@@ -129,7 +123,7 @@ class TimedCurve:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A line from ``origin`` by ``step`` [m], with a rotation.
+    """A line from ``origin`` by ``step`` [m].
 
     The orientation rotates by ``rotation_vector`` [rad] from ``quaternion``; None for a line of points.
     """
@@ -212,10 +206,7 @@ class Spline:
 def interpolate(
     knots: Times, positions: Float[np.ndarray, "time axes"], quaternions: Float[np.ndarray, "time 4"] | None
 ) -> Spline:
-    """Return the C² spline through positions and orientations at knots.
-
-    Positions are periodic if the ends meet.
-    """
+    """Return the C² spline through positions and orientations at knots. Positions are periodic if the ends meet."""
     from scipy.interpolate import CubicSpline
     from scipy.spatial.transform import Rotation, RotationSpline
 

@@ -61,10 +61,7 @@ def _solve_from_random_starts(
     *,
     iterations: int = POSTURE_OPTIONS.iterations,
 ) -> tuple[Float[np.ndarray, "count dof"], Float[np.ndarray, "count rows"]]:
-    """Return postures near ``samples`` from random starts, and relative task errors.
-
-    There is one posture for each entry of ``samples``.
-    """
+    """Return a posture near each of ``samples`` from random starts, and relative task errors."""
     lower, upper = task.arm.position_limits.T
     width = np.where(task.arm.periodic, 2 * np.pi, 2 * joint_scales(task.arm))
     low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - width, -width / 2))
@@ -99,10 +96,27 @@ def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfR
         _, error = _solve_from_random_starts(
             task, np.full(POSTURE_OPTIONS.thorough_starts, sample), rng, iterations=5 * POSTURE_OPTIONS.iterations
         )
-        if np.abs(error).max(axis=1).min() > ON_PATH_TOLERANCE:
-            nearest = error[int(np.argmin(np.sum(error**2, axis=1)))] * row_scales(task.arm, task.tasks)
-            where = f"sample {sample} ({task.times[sample]:.3g} s)"
-            return OutOfReach(f"path leaves reach at {where}: {_describe_error(task, sample, nearest)}", sample=sample)
+        if np.abs(error).max(axis=1).min() <= ON_PATH_TOLERANCE:
+            continue
+        nearest = error[int(np.argmin(np.sum(error**2, axis=1)))] * row_scales(task.arm, task.tasks)
+        # how far the nearest posture is from the sample, in the task with the largest error
+        errors, row, column = [], 0, 0
+        for part in task.tasks:
+            size = part.position_rows
+            target, residual = task.targets[sample, column : column + size], nearest[row : row + part.rows]
+            errors.append((float(np.linalg.norm(residual)), target, residual[:size], residual[size:]))
+            row, column = row + part.rows, column + part.target_size
+        _, target, off, turn = max(errors, key=lambda entry: entry[0])
+        rotation = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""
+        distance, length = float(np.linalg.norm(off)), characteristic_length(task.arm)
+        is_far = distance > POSTURE_OPTIONS.other_units * length
+        units = f"; the arm is {length:.3g} m long: is the path in metres?" if is_far else ""
+        wanted, reached = ((np.round(place, 6) + 0.0).tolist() for place in (target, target - off))
+        return OutOfReach(
+            f"path leaves reach at sample {sample} ({task.times[sample]:.3g} s): {wanted} m is {distance:.3g} m from "
+            f"the nearest point found, {reached} m{rotation}{units}",
+            sample=sample,
+        )
     if task.cyclic:
         return Infeasible("no cyclic motion was found: every candidate that follows the path ends in another posture")
     q = sample_postures(task, 64, rng, sample=near)
@@ -114,33 +128,8 @@ def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfR
     )
 
 
-def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " rows"]) -> str:
-    """Return in words how far the nearest posture is from a sample.
-
-    The distance is that of the task with the largest error.
-    """
-    errors, row, column = [], 0, 0
-    for part in task.tasks:
-        size = part.position_rows
-        target, residual = task.targets[sample, column : column + size], error[row : row + part.rows]
-        errors.append((float(np.linalg.norm(residual)), target, residual[:size], residual[size:]))
-        row, column = row + part.rows, column + part.target_size
-    _, target, off, turn = max(errors, key=lambda entry: entry[0])
-    rotation = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""
-    distance, length = float(np.linalg.norm(off)), characteristic_length(task.arm)
-    units = f"; the arm is {length:.3g} m long: is the path in metres?"
-    units *= distance > POSTURE_OPTIONS.other_units * length
-    return (
-        f"{(np.round(target, 6) + 0.0).tolist()} m is {distance:.3g} m from the nearest point found, "
-        f"{(np.round(target - off, 6) + 0.0).tolist()} m{rotation}{units}"
-    )
-
-
 def order_by_neighbour(arm: Arm, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "postures dof"]:
-    """Return postures in an order of nearest neighbours.
-
-    Each posture is followed by the nearest of the remaining postures.
-    """
+    """Return postures in an order of nearest neighbours."""
     remaining = list(q)
     ordered = [remaining.pop(0)]
     while remaining:
@@ -152,10 +141,7 @@ def order_by_neighbour(arm: Arm, q: Float[np.ndarray, "postures dof"]) -> Float[
 def posture_distance(
     arm: Arm, q: Float[np.ndarray, "*#batch dof"], other: Float[np.ndarray, "*#batch dof"]
 ) -> Float[np.ndarray, ...]:
-    """Return the distance [rad, the arm's length] between postures.
-
-    Angles are modulo 2π.
-    """
+    """Return the distance [rad, the arm's length] between postures. Angles are modulo 2π."""
     difference = wrap_difference(q - other, arm.periodic) / joint_scales(arm)
     return np.asarray(np.linalg.norm(difference, axis=-1))
 
@@ -185,15 +171,11 @@ MOTION_OPTIONS = StartOptions()
 
 
 def rollout_starts(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
-    """Return up to ``count`` motions on the path, by roll-outs.
+    """Return up to ``count`` motions on the path: weighted-pseudoinverse roll-outs, retracted.
 
-    A roll-out uses the weighted pseudoinverse. It starts at its own posture, or at the given start, and has its own
-    random symmetric weight matrix with eigenvalues in (0, 1). The whole motion is then retracted to the path. If
-    samples are too far apart, the path is sampled finer during the roll-out. Source: Tringali & Cocuzza 2020, section
-    3.1.2.
-
-    Raises OutOfReach, naming the sample, if no posture reaches the path. Raises Infeasible if every sample can be
-    reached but no continuous motion was found.
+    Each starts at its own posture, or at the given start, and has its own random symmetric weights with eigenvalues in
+    (0, 1). If samples are too far apart, the path is sampled finer. Source: Tringali & Cocuzza 2020, section 3.1.2.
+    Raises OutOfReach, naming the sample, or Infeasible without a continuous motion.
     """
     try:
         return _roll_out(task, count, rng)
@@ -221,9 +203,8 @@ def _roll_out(task: MotionTask, count: int, rng: np.random.Generator) -> Float[n
 
 
 def travelling_starts(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
-    """Return up to ``count`` motions that also travel along the self-motion.
+    """Return up to ``count`` motions on the path that also travel along the self-motion.
 
-    The motions are on the path. Roll-outs move little: they do not pass through the postures between two branches.
     Length and time of each travel are random; cyclic motions travel there and back. Source: Tringali & Cocuzza 2020,
     Eq. 17, along the path instead of before it.
     """
@@ -249,11 +230,11 @@ def perturbed_starts(
     *,
     size: float | Float[np.ndarray, " motions"] = MOTION_OPTIONS.perturbation,
 ) -> Float[np.ndarray, "found time dof"]:
-    """Return perturbed motions on the path.
+    """Return motions on the path, perturbed along the null space of the tasks' Jacobian.
 
-    The motions are displaced at random by ``size`` [rad or arm length, RMS] along the null space of the tasks'
-    Jacobian, and then retracted. The displacement is largest at both ends (for cyclic motions at opposite points).
-    Motions are left out if they leave the path or jump farther than before.
+    size: RMS of the displacement [rad or arm length], largest at both ends
+
+    Motions that leave the path or jump farther than before are left out.
     """
     share, shape = task.times / task.times[-1], (len(q), 1, task.arm.dof)
     scale = np.broadcast_to(size, len(q))[:, None, None]
@@ -271,11 +252,9 @@ def perturbed_starts(
 def recombined_starts(
     task: MotionTask, q: JointPaths, others: JointPaths, rng: np.random.Generator
 ) -> Float[np.ndarray, "found time dof"]:
-    """Return motions on the path, recombined from ``q`` and ``others`` in pairs.
+    """Return motions on the path that follow ``q``, but for some random time ``others``.
 
-    Each motion follows that of ``q``, but for some time that of ``others``. The change takes place at random times; it
-    is interpolated joint by joint and retracted. Motions are left out if they leave the path or jump farther than both
-    parents, because no self-motion then connects the parents.
+    Motions are left out if they leave the path or jump farther than both parents: no self-motion connects these.
     """
     share, shape = task.times / task.times[-1], (len(q), 1)
     half, width = rng.uniform(*MOTION_OPTIONS.crossing_half, shape), rng.uniform(*MOTION_OPTIONS.crossing_width, shape)
@@ -299,10 +278,9 @@ def _integrate(
     rng: np.random.Generator,
     pace: Float[np.ndarray, "count steps"],
 ) -> tuple[Float[np.ndarray, "found time dof"], int]:
-    """Return motions near the path, and the last sample reached.
+    """Return motions near the path, closed if the task is cyclic, and the last sample reached.
 
-    Motions of a cyclic task are closed. Each sample has one Newton step, which also corrects the error of the step
-    before, and a step of ``pace`` [rad, the arm's length] along the self-motion.
+    Each sample has one Newton step and a step of ``pace`` [rad, the arm's length] along the self-motion.
     """
     basis = np.linalg.qr(rng.normal(size=(len(start), task.arm.dof, task.arm.dof)))[0]
     eigenvalues = rng.uniform(0.02, 1.0, size=start.shape)  # eigenvalues of the random joint weights
@@ -336,10 +314,7 @@ def _integrate(
 
 
 def _on_path(task: MotionTask, q: JointPaths, steps: np.ndarray | float = 0.0) -> Float[np.ndarray, "found time dof"]:
-    """Return the motions that are on the path completely after retraction.
-
-    Motions begin at the task's start if it has one.
-    """
+    """Return the motions that are on the path completely after retraction, from the task's start."""
     q, on_path = _retract_to_path(task, q, steps)
     if task.start is not None:
         q[:, 0] = task.start

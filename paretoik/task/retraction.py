@@ -35,15 +35,11 @@ OPTIONS = RetractionOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Retraction:
-    """Postures after Newton's method.
-
-    error: largest task error [rad, or share of the arm's length]
-    on_path: whether a posture converged on the sheet that it started from
-    """
+    """Postures after Newton's method."""
 
     q: Float[np.ndarray, "*batch dof"]
-    error: Float[np.ndarray, "*batch"]
-    on_path: Bool[np.ndarray, "*batch"]
+    error: Float[np.ndarray, "*batch"]  # largest task error [rad, or share of the arm's length]
+    on_path: Bool[np.ndarray, "*batch"]  # whether a posture converged on the sheet that it started from
 
 
 def task_errors(
@@ -59,10 +55,7 @@ def task_errors(
 def relative_errors(
     arm: Arm, tasks: Sequence[Task], q: Float[np.ndarray, "*batch dof"], targets: Float[np.ndarray, "*#batch numbers"]
 ) -> tuple[Float[np.ndarray, "*batch rows"], Float[np.ndarray, "*batch rows dof"]]:
-    """Return all tasks' errors and Jacobian, relative to the arm's length.
-
-    Positions and slides are relative; angles are in rad.
-    """
+    """Return all tasks' errors and Jacobian: positions and slides in arm lengths, angles in rad."""
     error, jacobian = task_errors(arm, tasks, q, targets)
     scales = row_scales(arm, tasks)
     return error / scales, jacobian * joint_scales(arm) / scales[:, None]
@@ -111,28 +104,19 @@ def retract_nearest(
     start: Float[np.ndarray, "*batch dof"],
     targets: Float[np.ndarray, "*#batch numbers"],
 ) -> Retraction:
-    """Return postures retracted along the row space of the tasks' Jacobian.
-
-    This is the shortest way; the Jacobian is that at ``start``.
-    """
+    """Return postures retracted the shortest way: along the row space of the Jacobian at ``start``."""
     return retract(arm, tasks, start, targets, normal_directions(arm, tasks, start, targets))
 
 
 def normal_directions(
     arm: Arm, tasks: Sequence[Task], q: Float[np.ndarray, "*batch dof"], targets: Float[np.ndarray, "*#batch numbers"]
 ) -> Float[np.ndarray, "*batch dof rows"]:
-    """Return a basis [rad, m] of the directions normal to the self-motion.
-
-    The basis is orthonormal in scaled joints.
-    """
+    """Return a basis [rad, m] normal to the self-motion, orthonormal in scaled joints."""
     return row_space_basis(relative_errors(arm, tasks, q, targets)[1]) * joint_scales(arm)[:, None]
 
 
 def row_space_basis(jacobian: Float[np.ndarray, "*batch rows dof"]) -> Float[np.ndarray, "*batch dof rows"]:
-    """Return an orthonormal basis of the row space of J.
-
-    J times the basis is lower triangular with a positive diagonal.
-    """
+    """Return an orthonormal basis of the row space of J; J · basis is lower triangular."""
     orthonormal, upper = np.linalg.qr(jacobian.swapaxes(-1, -2))
     signs = np.where(np.diagonal(upper, axis1=-2, axis2=-1) < 0, -1.0, 1.0)
     return orthonormal * signs[..., None, :]
@@ -141,10 +125,9 @@ def row_space_basis(jacobian: Float[np.ndarray, "*batch rows dof"]) -> Float[np.
 def solve_small_systems(
     matrix: Float[np.ndarray, "count size size"], right: Float[np.ndarray, "count size"]
 ) -> tuple[Float[np.ndarray, "count size"], Float[np.ndarray, " count"]]:
-    """Return solutions and determinants of small linear systems.
+    """Return solutions and determinants by Gaussian elimination without pivoting.
 
-    The method is Gaussian elimination without pivoting. A pivot of 0 gives a solution that is not finite, or a
-    determinant of 0.
+    A pivot of 0 gives a solution that is not finite, or a determinant of 0.
     """
     solution, determinant = np.array(right, dtype=float, order="C"), np.empty(len(matrix))
     compiled_steps().solve_small_systems(np.array(matrix, dtype=float, order="C"), solution, determinant)
@@ -160,10 +143,7 @@ def compiled_steps() -> Any:
 
 
 def error_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
-    """Return the evaluator of the tasks' errors and Jacobian entries.
-
-    The inputs are joint positions and targets; the outputs are all errors, then all entries.
-    """
+    """Return the evaluator of the tasks' errors, then Jacobian entries, at joint positions and targets."""
 
     def build() -> tuple[Tape, list[int]]:
         tape = Tape()
@@ -178,10 +158,7 @@ def error_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
 def path_evaluator(
     kind: str, arm: Arm, tasks: Sequence[Task], build: Callable[[], tuple[Tape, list[int]]]
 ) -> Evaluator:
-    """Return the evaluator of a tape's outputs, from the cache if possible.
-
-    Every problem has a copy of its arm, so arms of the same geometry share the evaluator, on any path.
-    """
+    """Return the evaluator of a tape's outputs, shared by arms of the same geometry."""
     frames = [frame_of(arm, task.frame) for task in tasks]
     places = [(frame.link, frame.pose.position.tobytes(), frame.pose.quaternion.tobytes()) for frame in frames]
     key = kind, geometry_key(arm), *zip(places, (task.axes for task in tasks), strict=True)

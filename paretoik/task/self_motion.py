@@ -88,11 +88,7 @@ Curve = tuple[np.ndarray, np.ndarray]  # steps (q, directions)
 
 
 def postures_along_path(task: MotionTask, rng: np.random.Generator) -> tuple[list[np.ndarray], float]:
-    """Return postures of every sample on self-motion curves, and the path's pace.
-
-    The curves are those connected to an end of the path. Curves that exist only in the middle of the path are not
-    found.
-    """
+    """Return postures of every sample on curves connected to an end of the path, and the pace."""
     curves: list[list[np.ndarray]] = [[] for _ in task.times]
     pace = [0.0]
     for direction in (range(len(task.times)), reversed(range(len(task.times)))):
@@ -113,10 +109,9 @@ def postures_along_path(task: MotionTask, rng: np.random.Generator) -> tuple[lis
 def self_motion_frames(
     task: MotionTask, samples: np.ndarray, q: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the direction of self-motion, the targets, and the normal directions.
+    """Return the direction of self-motion, the targets, and the normal directions at q [rad, m].
 
-    All are given at postures ``q`` of ``samples``. Directions have length 1 with slides in arm lengths; they are
-    returned in rad and m.
+    Directions have length 1 with slides in arm lengths.
     """
     targets, scales = task.targets[samples], joint_scales(task.arm)
     jacobian = relative_errors(task.arm, task.tasks, q, targets)[1]
@@ -126,10 +121,7 @@ def self_motion_frames(
 
 
 def trace_curves(task: MotionTask, seeds: list[np.ndarray]) -> list[list[Curve]]:
-    """Return the self-motion curves of every sample as steps (q, directions).
-
-    Every seed is on one of the curves.
-    """
+    """Return the self-motion curves of every sample as steps (q, directions). Every seed is on one of the curves."""
     curves: list[list[Curve]] = [[] for _ in seeds]
     remaining = list(seeds)
     while rows := [i for i, q in enumerate(remaining) if len(q)]:
@@ -174,19 +166,13 @@ def trace_curves(task: MotionTask, seeds: list[np.ndarray]) -> list[list[Curve]]
 
 
 def node_spacing(arm: Arm, curves: list[list[Curve]], windows: np.ndarray, *, second: bool) -> float:
-    """Return the distance of nodes that resolves speeds well enough.
-
-    The distance is larger if there would be too many nodes.
-    """
+    """Return the distance of nodes that resolves speeds, larger if there were too many nodes."""
     shares, limit = OPTIONS.pair_nodes if second else OPTIONS.nodes
     return float(max((windows[1:] / joint_scales(arm)).max() / shares, _length(arm, curves) / limit))
 
 
 def count_nodes(task: MotionTask, curves: list[list[Curve]], spacing: float) -> float:
-    """Return the approximate number of nodes on curves.
-
-    Nodes are counted in all turns of joints within limits.
-    """
+    """Return the approximate number of nodes on curves. Nodes are counted in all turns of joints within limits."""
     lower, upper = unwrapped_ranges(task, np.zeros(task.arm.dof, dtype=bool)).T
     turns = np.where(task.arm.periodic & np.isfinite(upper - lower), (upper - lower) / (2 * np.pi), 1.0)
     return float(_length(task.arm, curves) / spacing * np.prod(np.maximum(turns, 1.0)))
@@ -198,10 +184,7 @@ def _length(arm: Arm, curves: list[list[Curve]]) -> float:
 
 
 def resample_curve(arm: Arm, curve: Curve, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return evenly spaced points along a curve, and each point's successor.
-
-    The successor is an index, −1 at the end of an open curve.
-    """
+    """Return evenly spaced points along a curve, and each one's successor, −1 at an open end."""
     q, directions = curve
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q / joint_scales(arm), axis=0), axis=1))])
     distinct = np.append(np.diff(s) > 1e-9, True)
@@ -215,10 +198,7 @@ def resample_curve(arm: Arm, curve: Curve, spacing: float) -> tuple[np.ndarray, 
 
 
 def unwrapped_ranges(task: MotionTask, unrolled: np.ndarray) -> Float[np.ndarray, "dof 2"]:
-    """Return the ranges of joints whose turns are counted.
-
-    The ranges are the joints' limits; NaN for joints known modulo 2π.
-    """
+    """Return the limits of joints whose turns are counted; NaN for joints known modulo 2π."""
     ranges = task.arm.position_limits.copy()
     lower, upper = ranges.T
     ranges[np.isinf(lower) & np.isinf(upper)] = np.nan
@@ -251,22 +231,20 @@ class Charts:
     The retraction onto the path is along ``row_space``.
 
     null_space: bases of the null space of the tasks' Jacobian along each base motion, transported without turning
-    row_space: bases of its row space
 
     Both are orthonormal with slides in arm lengths, so that y = null_spaceᵀ (q − base).
     """
 
     base: Float[np.ndarray, "bases time dof"]
     null_space: Float[np.ndarray, "bases time dof redundancy"]
-    row_space: Float[np.ndarray, "bases time dof rows"]
+    row_space: Float[np.ndarray, "bases time dof rows"]  # bases of its row space
 
     def at(
         self, task: MotionTask, which: np.ndarray, y: Float[np.ndarray, "*batch time redundancy"]
     ) -> tuple[JointPaths, Bool[np.ndarray, "*batch time"]]:
-        """Return motions at coordinates y, and which samples are on the path.
+        """Return motions at coordinates y around bases ``which``, and which samples are on the path.
 
-        The coordinates are around bases ``which``. If a sample's correction jumps relative to the sample before, the
-        sample is on another sheet and is not on the path.
+        A sample whose correction jumps relative to the sample before is on another sheet.
         """
         scales = joint_scales(task.arm)
         start = self.base[which] + np.einsum("ptdr,ptr->ptd", self.null_space[which], y) * scales

@@ -48,11 +48,7 @@ SINE_TOLERANCE = 1e-12  # sine of a rotation below which its axis is only roundi
 
 
 def axis_times_sine(axes: str, between: Matrix) -> Vector:
-    """Return axis · sin(angle) of a rotation.
-
-    With "xyz+z-axis" it is that of the smallest rotation that moves z equally. It is given in the rotated axes, which
-    differ from the original axes by the free turn about z.
-    """
+    """Return axis · sin(angle) of a rotation; for "xyz+z-axis" the smallest that moves z equally."""
     (_, xy, xz), (yx, _, yz), (zx, zy, _) = between
     if axes == "xyz+z-axis":
         return zy, times(-1.0, zx), 0.0
@@ -60,10 +56,7 @@ def axis_times_sine(axes: str, between: Matrix) -> Vector:
 
 
 def orientation_error(axes: str, rotation: Matrix, desired: Matrix) -> Vector:
-    """Return the rotation vector of RᵀR_d.
-
-    With "xyz+z-axis" it is that of the smallest rotation that takes z to z_d.
-    """
+    """Return the rotation vector of RᵀR_d; for "xyz+z-axis" the smallest that takes z to z_d."""
     between = multiply(transpose(rotation), desired)
     if axes == "xyz+z-axis":
         x, y, z = transpose(between)[2]
@@ -74,8 +67,12 @@ def orientation_error(axes: str, rotation: Matrix, desired: Matrix) -> Vector:
     trace = plus(plus(between[0][0], between[1][1]), between[2][2])
     sine, cosine = np.sqrt(dot(vector, vector)), times(0.5, minus(trace, 1.0))
     opposite, error = _is_half_turn(sine, cosine), scale(vector, _angle_over_sine(sine, cosine))
-    x, y, z = (where(opposite, half, part) for half, part in zip(_half_turn(between), error, strict=True))
-    return x, y, z
+    # Half turns: R + 1 = 2 a aᵀ, so that any nonzero column gives the axis a. The longest column has the largest
+    # diagonal entry; the others may be 0.
+    first, second, third = (tuple(plus(between[i][j], float(i == j)) for i in range(3)) for j in range(3))
+    axis = _where(np.less_equal(third[2], second[1]), second, third)
+    axis = _where(np.less_equal(third[2], first[0]) * np.less_equal(second[1], first[0]), first, axis)
+    return _where(opposite, scale(axis, np.pi / np.sqrt(dot(axis, axis))), error)
 
 
 def _angle_over_sine(sine: Component, cosine: Component) -> Any:
@@ -85,18 +82,6 @@ def _angle_over_sine(sine: Component, cosine: Component) -> Any:
 
 def _is_half_turn(sine: Component, cosine: Component) -> Any:
     return np.multiply(np.less(sine, SINE_TOLERANCE), np.less(cosine, 0.0))
-
-
-def _half_turn(between: Matrix) -> Vector:
-    """Return the rotation vector of a half turn.
-
-    R + 1 = 2 a aᵀ, so that any nonzero column gives the axis a.
-    """
-    x, y, z = (tuple(plus(between[i][j], float(i == j)) for i in range(3)) for j in range(3))
-    # the longest column, which has the largest diagonal entry; the others may be 0
-    axis = _where(np.less_equal(z[2], y[1]), y, z)
-    axis = _where(np.less_equal(z[2], x[0]) * np.less_equal(y[1], x[0]), x, axis)
-    return scale(axis, np.pi / np.sqrt(dot(axis, axis)))
 
 
 def _where(condition: Component, first: Sequence[Component], second: Sequence[Component]) -> Vector:
@@ -109,7 +94,13 @@ def _where(condition: Component, first: Sequence[Component], second: Sequence[Co
 
 Components: TypeAlias = Sequence[Component]
 Axes = Literal["xy", "xy+angle", "xyz", "xyz+z-axis", "pose"]
-ROWS: dict[str, int] = {"xy": 2, "xy+angle": 3, "xyz": 3, "xyz+z-axis": 5, "pose": 6}
+AXES: dict[str | None, tuple[int, tuple[int, ...]]] = {  # coordinates, and entries of the rotation vector
+    "xy": (2, ()),
+    "xy+angle": (2, (2,)),
+    "xyz": (3, ()),
+    "xyz+z-axis": (3, (0, 1)),
+    "pose": (3, (0, 1, 2)),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +129,7 @@ class Task:
         check_text("frame", self.frame)
         if self.axes is None:
             return
-        check_choice("axes", self.axes, ROWS)
+        check_choice("axes", self.axes, AXES)
         if self.has_orientation and self.path.quaternions is None:
             hint = "pk.line(pk.Pose.from_rpy(xyz, rpy), ...) is one of poses"
             raise InvalidInput(f"path must be one of poses for axes {shown(self.axes)}, got one of points; {hint}")
@@ -172,19 +163,29 @@ class Task:
         return self
 
     @property
-    def rows(self) -> int:
-        """Number of equations per sample."""
-        return ROWS[self.axes or ""]
-
-    @property
     def position_rows(self) -> int:
         """Number of equations of position [m]; the others are of orientation [rad]."""
-        return 2 if self.axes in ("xy", "xy+angle") else 3
+        return AXES[self.axes][0]
+
+    @property
+    def rotation_axes(self) -> tuple[int, ...]:
+        """Indices of the rotation vector's entries that are equations."""
+        return AXES[self.axes][1]
+
+    @property
+    def has_orientation(self) -> bool:
+        """Whether some equations are of orientation."""
+        return len(self.rotation_axes) > 0
+
+    @property
+    def rows(self) -> int:
+        """Number of equations per sample."""
+        return self.position_rows + len(self.rotation_axes)
 
     @property
     def target_size(self) -> int:
         """Number of columns of ``targets``."""
-        return {"xy": 2, "xyz": 3, "xy+angle": 11}.get(self.axes or "", 12)
+        return self.position_rows + 9 * self.has_orientation
 
     @property
     def displacement_size(self) -> int:
@@ -192,10 +193,7 @@ class Task:
         return self.position_rows + 3 * self.has_orientation
 
     def targets(self, t: Times) -> Float[np.ndarray, "time numbers"]:
-        """Return the targets at times t [s].
-
-        Each is the position and, for a task with orientation, the rotation matrix row by row.
-        """
+        """Return positions at times t [s], with orientation also rotation matrices row by row."""
         positions, quaternions = self.path.at(t)
         columns = [positions[:, : self.position_rows]]
         if quaternions is not None and self.has_orientation:
@@ -239,16 +237,13 @@ class Task:
         return np.concatenate(columns, axis=1)
 
     def displacement_components(self, arm: Arm, links: LinkFrames, displacement: Components) -> list[Component]:
-        """Return a row of ``displacements`` in the coordinates of ``errors``.
-
-        The result has components.
-        """
+        """Return a row of ``displacements`` in the coordinates of ``errors``. The result has components."""
         components = list(displacement[: self.position_rows])
         if self.has_orientation:
             rotation, _ = frame_components(arm, links, frame_of(arm, self.frame))
             x, y, z = displacement[self.position_rows :]
             vector = apply_transposed(rotation, (x, y, z))
-            components += [vector[i] for i in self._rotation_axes]
+            components += [vector[i] for i in self.rotation_axes]
         return components
 
     def errors(self, arm: Arm, links: LinkFrames, target: Components) -> list[Component]:
@@ -258,21 +253,18 @@ class Task:
         error = [minus(target[i], position[i]) for i in range(size)]
         if self.has_orientation:
             vector = orientation_error(self.axes or "", rotation, _matrix(target[size:]))
-            error += [vector[i] for i in self._rotation_axes]
+            error += [vector[i] for i in self.rotation_axes]
         return error
 
     def jacobian(self, arm: Arm, links: LinkFrames) -> list[list[Component]]:
-        """Return the Jacobian rows of the frame as components.
-
-        Newton's step solves J δq = error.
-        """
+        """Return the Jacobian rows of the frame as components. Newton's step solves J δq = error."""
         frame = frame_of(arm, self.frame)
         rotation, position = frame_components(arm, links, frame)
         columns = jacobian_components(arm, links, frame, position)
         jacobian = [[linear[i] for linear, _ in columns] for i in range(self.position_rows)]
         if self.has_orientation:
             in_frame = [apply_transposed(rotation, angular) for _, angular in columns]
-            jacobian += [[angular[i] for angular in in_frame] for i in self._rotation_axes]
+            jacobian += [[angular[i] for angular in in_frame] for i in self.rotation_axes]
         return jacobian
 
     def equations(self, arm: Arm, links: LinkFrames, target: Components) -> list[Component]:
@@ -287,25 +279,12 @@ class Task:
         residuals = [minus(position[i], target[i]) for i in range(size)]
         if self.has_orientation:
             sines = axis_times_sine(self.axes or "", multiply(transpose(_matrix(target[size:])), rotation))
-            residuals += [sines[i] for i in self._rotation_axes]
+            residuals += [sines[i] for i in self.rotation_axes]
         return residuals
-
-    @property
-    def has_orientation(self) -> bool:
-        """Whether some equations are of orientation."""
-        return self.axes in ("xy+angle", "xyz+z-axis", "pose")
-
-    @property
-    def _rotation_axes(self) -> tuple[int, ...]:
-        """Indices of the rotation vector's entries that are equations."""
-        return {"xyz+z-axis": (0, 1), "xy+angle": (2,)}.get(self.axes or "", (0, 1, 2))
 
 
 def error_unit(tasks: Sequence[Task]) -> str:
-    """Return the unit of the largest error of tasks.
-
-    The unit is m, or "m or rad" for tasks with orientation.
-    """
+    """Return the unit of the largest error of tasks. The unit is m, or "m or rad" for tasks with orientation."""
     return " or ".join(dict.fromkeys(row_units(tasks)))
 
 
@@ -315,10 +294,7 @@ def row_units(tasks: Sequence[Task]) -> list[str]:
 
 
 def describe_errors(tasks: Sequence[Task], errors: Float[np.ndarray, " rows"]) -> str:
-    """Return in words the largest task errors at a sample.
-
-    Errors of position are in m, of orientation in rad.
-    """
+    """Return in words the largest task errors at a sample. Errors of position are in m, of orientation in rad."""
     largest: dict[str, float] = {}
     for unit, error in zip(row_units(tasks), np.abs(errors), strict=True):
         largest[unit] = max(largest.get(unit, 0.0), float(error))

@@ -39,20 +39,18 @@ KINKS = PIECEWISE | {Op.ABSOLUTE}
 class TracedMotion:
     """The attributes of ``Motion`` as expressions.
 
-    task: MotionTask, or a stand-in for one
-    seconds: duration [s]; None for a motion with its own times, which follows no task
     steps: intervals (time − 1,) [s] of a motion with its own times; their sum if one sample is traced
 
     Functions get this motion when derivatives are taken.
     """
 
-    task: Any
+    task: Any  # MotionTask, or a stand-in for one
     trace: Trace
     q: TracedArray
     dq: TracedArray
     ddq: TracedArray
     jerk: TracedArray
-    seconds: float | None
+    seconds: float | None  # duration [s]; None for a motion with its own times, which follows no task
     steps: TracedArray | None = None
 
     def __getattr__(self, name: str) -> Any:
@@ -86,10 +84,7 @@ class TracedMotion:
 
     @cached_property
     def velocity_bounds(self) -> TracedArray:
-        """As ``Motion.velocity_bounds``, but shifted by half an interval.
-
-        A sample has the bound of the interval after it.
-        """
+        """As ``Motion.velocity_bounds``, but a sample has the bound of the interval after it."""
         if self.seconds is None or self.differences != "spline":
             return self.dq
         half = np.zeros(len(self.task.instants))
@@ -146,10 +141,7 @@ class TracedMotion:
 
     @cached_property
     def manipulability(self) -> TracedArray:
-        """As ``Motion.manipulability``, but without a kink.
-
-        Values are cut off only if rounding makes them negative.
-        """
+        """As ``Motion.manipulability``, but without a kink. Values are cut off only if rounding makes them negative."""
 
         def entries(q: list[Component], *_: object) -> list[Component]:
             if self.tasks:
@@ -208,10 +200,7 @@ class TracedMotion:
 
 @dataclass(frozen=True, eq=False)
 class OwnDuration:
-    """The duration of motions with their own times, traced at one sample.
-
-    There is one number per motion, not per sample.
-    """
+    """The duration of motions with their own times, traced at one sample."""
 
     number: TracedArray | None
 
@@ -247,20 +236,16 @@ def trace_sample(
 
 
 def trace_sample_again(motion: TracedMotion, scales: Float[np.ndarray, " dof"] | float = 1.0) -> TracedMotion:
-    """Return one sample of another motion of the task.
-
-    It is on the same tape and has its own inputs.
-    """
+    """Return one sample of another motion of the task. It is on the same tape and has its own inputs."""
     return _trace_inputs(motion.task, motion.trace, (), scales, motion.seconds, None)
 
 
 def trace_motion(
     task: Any, *, scales: Float[np.ndarray, " dof"] | float = 1.0, own_times: bool = False
 ) -> TracedMotion:
-    """Return a whole motion of a task.
+    """Return a whole motion of a task, for functions that combine several samples.
 
-    It is for functions that combine several samples. Parameters are those of ``trace_sample``; with ``own_times``, the
-    intervals are the last inputs.
+    Parameters are those of ``trace_sample``; with ``own_times``, the intervals are the last inputs.
     """
     count = len(task.instants)
     steps = (count - 1,) if own_times else None
@@ -275,10 +260,7 @@ def _trace_inputs(
     seconds: float | None,
     steps: tuple[int, ...] | None,
 ) -> TracedMotion:
-    """Return a motion of new inputs: joints and rates of a ``shape``.
-
-    If the motion has its own times, ``steps`` follow as inputs.
-    """
+    """Return a motion of new inputs: joints and rates of a ``shape``, then its ``steps``, if any."""
 
     def inputs(factor: Any, *size: int) -> TracedArray:
         return TracedArray(trace, (factor * trace.inputs(*size)).entries, shared=True)
@@ -292,19 +274,14 @@ def _trace_inputs(
 def trace_motion_function(
     motion: TracedMotion, name: str, function: Callable[[Any], Any], form: str
 ) -> list[Expression | float]:
-    """Return the values of a function of a whole motion.
+    """Return the value of a function of a whole motion, or one per sample of a series.
 
-    There is one value, or one per sample if the form is a series. Raises, by ``name``, InvalidInput for a function
-    without derivatives, EvaluationFailed for one that raises.
+    Raises, by ``name``, InvalidInput without derivatives, EvaluationFailed if it raises.
     """
     shape = motion.time.shape if form in ("integral", "peak") else ()
     wish = f"(time,), here {shape}," if shape else "()"
     try:
-        with user_function(name), limited_call(name):
-            value = function(motion)
-        array = value if isinstance(value, TracedArray) else np.asarray(value)
-        if array.dtype.kind not in "fiub":
-            raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
+        array = _real_value(motion, name, function)
         if array.shape != shape:
             raise InvalidInput(f"({form}) must return shape {wish} where derivatives are taken, got {array.shape}")
     except InvalidInput as error:
@@ -313,18 +290,13 @@ def trace_motion_function(
 
 
 def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[Any], Any]) -> Expression | float | None:
-    """Return the value of a function at one sample.
+    """Return the value of a function at one sample; None if it combines several.
 
-    Returns None if the function combines several samples. Raises, by ``name``, InvalidInput for a function without
-    derivatives, EvaluationFailed for one that raises.
+    Raises, by ``name``, InvalidInput without derivatives, EvaluationFailed if it raises.
     """
     tape = motion.trace.tape
     try:
-        with user_function(name), limited_call(name):
-            value = function(motion)
-        array = value if isinstance(value, TracedArray) else np.asarray(value)
-        if array.dtype.kind not in "fiub":
-            raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
+        array = _real_value(motion, name, function)
         if isinstance(array, TracedArray) and array.entries.shape == ():
             return Expression(tape, as_entry(tape, array.entries))
         if isinstance(array, np.ndarray) and array.shape in ((), (motion.trace.samples,)):
@@ -334,6 +306,16 @@ def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[A
         return None
     except InvalidInput as error:
         raise InvalidInput(f"{name}: {error}") from None
+
+
+def _real_value(motion: TracedMotion, name: str, function: Callable[[Any], Any]) -> TracedArray | np.ndarray:
+    """Return a function's value. Raises InvalidInput unless it is real, EvaluationFailed if the function raises."""
+    with user_function(name), limited_call(name):
+        value = function(motion)
+    array = value if isinstance(value, TracedArray) else np.asarray(value)
+    if array.dtype.kind not in "fiub":
+        raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
+    return array
 
 
 class OneInterval(NamedTuple):
@@ -354,10 +336,7 @@ class OneInterval(NamedTuple):
 def has_kinks(
     term: Any, arm: Arm, tasks: tuple[Task, ...], obstacles: tuple[Obstacle, ...], link_radius: float
 ) -> bool:
-    """Return whether an objective or constraint of an instant has kinks.
-
-    It is False if the function cannot be traced, or combines several samples.
-    """
+    """Return whether a function of an instant has kinks; False if it cannot be traced."""
     motion = trace_sample(OneInterval(arm, tasks, obstacles, link_radius))
     try:
         value = trace_sample_function(motion, "kinks", term.function)

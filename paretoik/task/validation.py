@@ -34,7 +34,6 @@ from paretoik.task.retraction import row_scales, task_errors
 from paretoik.task.task import Task, row_units
 
 START_TOLERANCE = 1e-6  # share of the arm's length, and rad: a start nearer than this is moved onto the path
-TILT_TOLERANCE = 1e-4  # rad: tilt of poses out of a planar arm's plane, twice the error of angles with four decimals
 
 
 def motion_task(
@@ -46,22 +45,18 @@ def motion_task(
     constraints: Sequence[Constraint] = (),
     obstacles: Sequence[Obstacle] = (),
     link_radius: float = 0.0,
-    start: object = "free",
-    end_velocity: float | None = None,
-    cyclic: bool = False,
     differences: Differences = DIFFERENCES,
     redundant: bool = True,
 ) -> MotionTask:
-    """Return the motion task of all parts of a problem, checked.
+    """Return the motion task of all parts of a problem, checked, with a free start and end.
 
-    If ``redundant``, tasks that leave no joint free are refused. Raises InvalidInput, naming the unusable part.
+    redundant: True to refuse tasks that leave no joint free
+
+    Raises InvalidInput, naming the unusable part.
     """
     check_arm("arm", arm)
-    check_flag("cyclic", cyclic)
     check_choice("differences", differences, get_args(Differences))
-    if end_velocity is not None and (finite_number("end_velocity", end_velocity) != 0 or cyclic):
-        raise InvalidInput(f"end_velocity must be None (free) or 0 on an open motion, got {shown(end_velocity)}")
-    followed = _followed_tasks(arm, tasks, redundant=redundant, closed=cyclic, rests=end_velocity is not None)
+    followed = _followed_tasks(arm, tasks, redundant=redundant)
     _check_decorated("objective", objectives, Objective)
     _check_decorated("constraint", constraints, Constraint)
     if not objectives:
@@ -89,12 +84,10 @@ def motion_task(
         link_radius=link_radius,
         min_clearance=given.clearance,
         start=None,
-        ends_at_rest=end_velocity is not None,
-        cyclic=cyclic,
+        ends_at_rest=False,
+        cyclic=False,
         differences=differences,
     )
-    if not (isinstance(start, str) and start == "free"):
-        task = replace(task, start=_checked_start(task, start))
     _check_immovable_links(task)
     if lacks_masses(arm):
         _check_functions_without_masses(task)
@@ -102,15 +95,11 @@ def motion_task(
 
 
 def _check_plane(arm: Arm, task: Task) -> None:
-    """Raise InvalidInput if a path without axes leaves a planar arm's plane.
-
-    No frame of the arm follows such paths. If the plane is level, poses may also be at z = 0, as ``Pose.planar`` makes
-    them.
-    """
+    """Raise InvalidInput if a path without axes leaves a planar arm's plane; poses may have z = 0."""
     if not arm.is_planar:
         return
-    normal = arm.base.rotation[:, 2]
-    if abs(normal[2]) < TILT_TOLERANCE:
+    normal, largest_tilt = arm.base.rotation[:, 2], 1e-4  # rad: twice the error of angles with four decimals
+    if abs(normal[2]) < largest_tilt:
         raise InvalidInput(
             f"path: the arm's plane must not be vertical, as x and y lead it, got {arm.name} in one with the "
             f"normal ({_coordinates(normal)}); a level one with mounted(gravity=(0, -9.81, 0)) weighs the same"
@@ -120,7 +109,7 @@ def _check_plane(arm: Arm, task: Task) -> None:
         return
     frame = arm.pose(np.zeros(arm.dof), frame=task.frame)
     tolerance = START_TOLERANCE * characteristic_length(arm)
-    is_level = float(np.hypot(*normal[:2])) <= TILT_TOLERANCE
+    is_level = float(np.hypot(*normal[:2])) <= largest_tilt
     plane = f"the plane z = {_coordinates(frame.position[2:])} m of {arm.name}"
     if not is_level:
         through = f"through ({_coordinates(frame.position)}) m with the normal ({_coordinates(normal)})"
@@ -135,9 +124,9 @@ def _check_plane(arm: Arm, task: Task) -> None:
         twist = relative[:, 1:] @ axis
         swing = np.linalg.norm(relative[:, 1:] - twist[:, None] * axis, axis=1)
         tilt = 2.0 * np.arctan2(swing, np.hypot(relative[:, 0], twist)).max()
-        if tilt > TILT_TOLERANCE:
+        if tilt > largest_tilt:
             raise InvalidInput(f"{wish}, or axes='xy', got one tilted out of it by {tilt:.3g} rad")
-        if abs(axis[2]) < TILT_TOLERANCE:
+        if abs(axis[2]) < largest_tilt:
             raise InvalidInput(f"{wish}, with a z axis that leaves it, or axes='xy', got poses whose z axis lies in it")
     distance = (points - frame.position) @ (np.sign(normal[2]) * normal)
     at_zero = path.quaternions is not None and is_level and np.abs(points[:, 2]).max() <= tolerance
@@ -151,13 +140,8 @@ def _coordinates(vector: Float[np.ndarray, " coordinates"]) -> str:
     return ", ".join(f"{round(value, 12) + 0.0:.6g}" for value in vector.tolist())
 
 
-def _followed_tasks(
-    arm: Arm, given: Path | Task | Sequence[Path | Task], *, redundant: bool, closed: bool, rests: bool
-) -> tuple[Task, ...]:
-    """Return the checked tasks, each with its axes.
-
-    If required, paths must be ``closed``, or end at rest.
-    """
+def _followed_tasks(arm: Arm, given: Path | Task | Sequence[Path | Task], *, redundant: bool) -> tuple[Task, ...]:
+    """Return the checked tasks, each with its axes."""
     every = []
     for one in given if isinstance(given, list | tuple) else [given]:
         if not isinstance(one, Path | Task):
@@ -179,23 +163,11 @@ def _followed_tasks(
             f"path: {arm.name} {wish}, got {arm.dof} joints for {rows} equations; there must be more joints "
             "or fewer axes"
         )
-    if closed and not all(task.path.is_closed for task in tasks):
-        raise InvalidInput("path must be closed if cyclic=True, got one that does not end where it starts")
-    for path in [task.path for task in tasks] if rests else []:
-        # the speed in the last 0.01 % of the path must be below 1 % of its mean
-        instants = np.array([1.0 - 1e-4, 1.0]) * path.duration
-        end = np.linalg.norm(np.diff(path.at(instants)[0], axis=0)) / np.diff(instants)[0]
-        mean = np.linalg.norm(np.diff(path.positions, axis=0), axis=1).sum() / path.duration
-        if end > 0.01 * mean:
-            raise InvalidInput(f"path must come to rest if end_velocity=0, got one that ends at {end:.3g} m/s")
     return tasks
 
 
 def _check_immovable_links(task: MotionTask) -> None:
-    """Raise InvalidInput if an obstacle overlaps a link that never moves.
-
-    These links are the base and all links that no joint moves.
-    """
+    """Raise InvalidInput if an obstacle overlaps the base or another link that no joint moves."""
     if not task.obstacles:
         return
     lower, upper = task.arm.position_limits.T
@@ -226,22 +198,14 @@ def _check_decorated(kind: str, members: Sequence[Objective] | Sequence[Constrai
 
 
 def lacks_masses(arm: Arm) -> bool:
-    """Return whether torques and energies of an arm are meaningless.
-
-    They are if no link has mass, or for a URDF if a link has none.
-    """
+    """Return whether no link has mass, or for a URDF whether a link has none."""
     masses = [body.mass for body in arm.bodies]
     return not any(masses) or (arm.source is not None and not all(masses[:-1]))
 
 
 def _check_functions_without_masses(task: MotionTask) -> None:
-    """Raise InvalidInput if a function depends on torques or energies.
-
-    The error names the first such objective or constraint.
-    """
+    """Raise InvalidInput for an objective or constraint of torques or energies."""
     q = np.linspace(0.1, 0.7, len(task.times) * task.arm.dof).reshape(1, len(task.times), task.arm.dof)
-    if task.cyclic:
-        q[:, -1] = q[:, 0]
     motion = task.motion(q)
     for name in ("torque", "power", "kinetic_energy"):
         values = np.full_like(getattr(motion, name), np.nan)
@@ -258,33 +222,46 @@ def _check_functions_without_masses(task: MotionTask) -> None:
                 )
 
 
-def _checked_start(task: MotionTask, given: object) -> np.ndarray:
-    """Return the joint positions at the start.
+def with_ends(
+    task: MotionTask, *, start: object = "free", end_velocity: float | None = None, cyclic: bool = False
+) -> MotionTask:
+    """Return the task with a start [rad, m] or a free one, and an end that is free, at rest or the start.
 
-    Raises InvalidInput if the start is off the path's first sample or beyond limits.
+    Raises InvalidInput for an impossible end, and if the start is off the first sample or beyond limits.
     """
-    arm = task.arm
-    if given is None or isinstance(given, str):
-        raise InvalidInput(f"start must be 'free' or {arm.dof} joint positions, got {shown(given)}")
-    start = real_array("start", given)
-    if start.shape != (arm.dof,) or not np.all(np.isfinite(start)):
-        raise InvalidInput(f"start must be 'free' or {arm.dof} finite joint positions, got {shown(given)}")
-    error = np.abs(task_errors(arm, task.tasks, start, task.targets[0])[0])
+    check_flag("cyclic", cyclic)
+    arm, rests = task.arm, end_velocity is not None
+    if rests and (finite_number("end_velocity", end_velocity) != 0 or cyclic):
+        raise InvalidInput(f"end_velocity must be None (free) or 0 on an open motion, got {shown(end_velocity)}")
+    if cyclic and not all(each.path.is_closed for each in task.tasks):
+        raise InvalidInput("path must be closed if cyclic=True, got one that does not end where it starts")
+    for path in [each.path for each in task.tasks] if rests else []:
+        # the speed in the last 0.01 % of the path must be below 1 % of its mean
+        instants = np.array([1.0 - 1e-4, 1.0]) * path.duration
+        end = np.linalg.norm(np.diff(path.at(instants)[0], axis=0)) / np.diff(instants)[0]
+        mean = np.linalg.norm(np.diff(path.positions, axis=0), axis=1).sum() / path.duration
+        if end > 0.01 * mean:
+            raise InvalidInput(f"path must come to rest if end_velocity=0, got one that ends at {end:.3g} m/s")
+    task = replace(task, ends_at_rest=rests, cyclic=cyclic)
+    if isinstance(start, str) and start == "free":
+        return task
+    if start is None or isinstance(start, str):
+        raise InvalidInput(f"start must be 'free' or {arm.dof} joint positions, got {shown(start)}")
+    q = real_array("start", start)
+    if q.shape != (arm.dof,) or not np.all(np.isfinite(q)):
+        raise InvalidInput(f"start must be 'free' or {arm.dof} finite joint positions, got {shown(start)}")
+    error = np.abs(task_errors(arm, task.tasks, q, task.targets[0])[0])
     scales = row_scales(arm, task.tasks)
     worst = int(np.argmax(error / scales))
     if error[worst] > START_TOLERANCE * scales[worst]:
-        unit, hint = row_units(task.tasks)[worst], degrees_hint(start[arm.periodic])
+        unit, hint = row_units(task.tasks)[worst], degrees_hint(q[arm.periodic])
         raise InvalidInput(
             f"start must be at most {START_TOLERANCE * scales[worst]:.3g} {unit} off the path's first sample, got "
             f"{error[worst]:.3g} {unit}{hint and f'; {hint}'}"
         )
     if "position" in task.bounds:
         lower, upper = task.bounds["position"][0].T
-        outside = (start < lower) | (start > upper)
-        if outside.any():
-            j = int(np.argmax(outside))
-            raise InvalidInput(
-                f"start: {arm.joint_names[j]} must be within its limits {lower[j]:.6g} to {upper[j]:.6g}, got "
-                f"{start[j]:.6g}"
-            )
-    return start
+        for j in np.flatnonzero((q < lower) | (q > upper)):
+            within = f"{lower[j]:.6g} to {upper[j]:.6g}"
+            raise InvalidInput(f"start: {arm.joint_names[j]} must be within its limits {within}, got {q[j]:.6g}")
+    return replace(task, start=q)

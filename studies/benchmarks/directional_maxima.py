@@ -129,7 +129,7 @@ def certified_rows(case: str, problem: pk.DirectionalMaxima, members: Sequence[R
     certificates = [front.certificates for front in fronts if front.certificates is not None]
     minima = np.concatenate([each.status == "minimum" for each in certificates])
     residual = np.concatenate([each.criticality for each in certificates])
-    quantities = problem.configurations.quantities
+    quantities = problem.quantities
     each = [
         pk.directional_maxima(problem.arm, problem.actuation, problem.position, way[None], quantity=quantity).values
         for way, quantity in zip(problem.directions, quantities, strict=True)

@@ -135,7 +135,7 @@ class PostureProgram:
         speeds, parts = at.dq[0][:, None], [at.q[0]]
         if isinstance(motors, pk.capability.DistributedActuation):
             parts.append(at.front[0] / motors.rod)
-            speeds = problem.configurations.slider_speeds(at, gravity_torques(problem.arm, at.q))[0]
+            speeds = problem.slider_speeds(at, gravity_torques(problem.arm, at.q))[0]
         fastest = np.stack([curve.fastest for curve in motors.curves])
         sizes = [SIZES[quantity] for quantity in self.quantities]
         return np.concatenate([*parts, (speeds / fastest).ravel(), at.values[0] / sizes])

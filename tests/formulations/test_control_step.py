@@ -3,16 +3,12 @@
 import numpy as np
 import pinocchio
 import pytest
-from pymoo.algorithms.moo.nsga2 import NSGA2
-from pymoo.algorithms.moo.sms import SMSEMOA
-from pymoo.optimize import minimize
 
 import paretoik as pk
 from paretoik.closed_loop.admissible_steps import clearance_at_start, find_inadmissible
 from paretoik.closed_loop.control_step import OPTIONS
 from paretoik.closed_loop.engine import _configure, _evaluate_objectives
 from problems import marcos_2012
-from tests.closed_loop.planar_geometry import meets
 from tests.closed_loop.postures import near_obstacle, posture
 from tests.formulations.problems import PANDA, panda
 
@@ -119,18 +115,6 @@ def test_steps_of_a_spatial_arm_are_those_of_pinocchio(seed):
     error = [np.linalg.norm(tool(each) - target) for each in after[usable]]  # Eq. 18
     np.testing.assert_allclose(F[:, 0], displacement, rtol=1e-10)
     np.testing.assert_allclose(F[:, 1], error, rtol=1e-10, atol=1e-12)
-
-
-@pytest.mark.parametrize("algorithm", [NSGA2(pop_size=24), SMSEMOA(pop_size=24), pk.MaxiMinNSGA2(pop_size=40)])
-@pytest.mark.parametrize("blocked", [False, True])
-def test_any_pymoo_algorithm_solves_a_step(algorithm, blocked):
-    step = paper_loop(4, blocked=blocked).control_step(1)
-    result = minimize(step, algorithm, ("n_gen", 8), seed=1)
-    random = step.evaluate(np.random.default_rng(0).uniform(-1, 1, size=(500, step.n_var)), return_values_of=["F"])
-    assert (result.G <= 0).all()
-    assert np.all(result.F.min(axis=0) < np.median(random, axis=0))
-    if blocked:
-        assert not meets(step.positions(result.X), step.task.obstacles).any()
 
 
 def test_solve_finds_the_front_that_the_compiled_search_finds():

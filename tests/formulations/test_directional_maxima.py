@@ -46,7 +46,7 @@ def test_individuals_stand_at_the_position_and_move_along_the_directions(problem
     assert kinematics.forward_kinematics(problem.arm, at.q)[1][:, :2] == pytest.approx(
         np.tile(PLACE, (len(front), 1)), abs=1e-9
     )
-    columns, moving = kinematics.jacobian(problem.arm, at.q)[:, :2], problem.configurations.moving
+    columns, moving = kinematics.jacobian(problem.arm, at.q)[:, :2], problem.moving
     moved = np.einsum("paj,pkj->pka", columns, at.dq)
     assert moved == pytest.approx(at.values[:, moving, None] * np.array(WAYS)[moving], abs=1e-9)
     assert front.objectives[:, :2] == pytest.approx(at.values)
@@ -58,36 +58,11 @@ def test_individuals_stand_at_the_position_and_move_along_the_directions(problem
 def test_no_individual_does_more_than_the_directional_maximum(problem, refined):
     each = [
         pk.directional_maxima(problem.arm, problem.actuation, PLACE, [way], quantity=quantity).values
-        for way, quantity in zip(WAYS, problem.configurations.quantities, strict=True)
+        for way, quantity in zip(WAYS, problem.quantities, strict=True)
     ]
     maxima = np.concatenate(each)
     assert (refined.objectives[:, :2] <= maxima * (1 + 1e-9)).all()
     assert (refined.objectives[:, :2].max(axis=0) >= 0.8 * maxima).all()
-
-
-def test_genes_and_the_smooth_program_agree(problem, front):
-    program, z = problem.program(), problem.points(front.genes)
-    assert z @ program.costs.T == pytest.approx(front.minimised, abs=1e-12)
-    for one in z:
-        equal, room = program.rows.rows(one)
-        assert np.abs(equal).max() <= 1e-9
-        assert room.min() >= -1e-9
-    F, G = evaluated(problem, problem.genes(z))
-    assert pytest.approx(front.minimised, abs=1e-9) == F
-    assert G.max() <= 1e-9
-
-
-def test_refinement_makes_no_objective_worse_and_certifies(problem, front, refined):
-    certificates = refined.certificates
-    before = dict(zip(front.ids, front.minimised, strict=True))
-    for number, row in zip(refined.ids, refined.minimised, strict=True):
-        assert (row <= before[number] + 1e-7 * np.abs(before[number]).max()).all()
-    assert refined.minimised.sum() < front.minimised.sum()
-    assert certificates.violation.max() <= 1e-8
-    assert np.median(certificates.criticality) <= 1e-7
-    assert (certificates.status == "minimum").mean() >= 0.8
-    F, _ = evaluated(problem, np.array(refined.genes))
-    assert pytest.approx(refined.minimised, abs=1e-12) == F
 
 
 def test_exchange_rates_are_those_of_neighbouring_optima(problem, refined):

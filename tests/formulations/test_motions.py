@@ -27,12 +27,6 @@ def front(problem):
     return pk.epsilon_front(problem, points=10, starts=24)
 
 
-def test_only_the_motion_is_between_a_motion_and_itself(problem, front):
-    q = np.repeat(np.array(front.motions.q[:1]), 2, axis=0)
-    values = values_between(problem.task, q, np.array([0.25, 0.5]))
-    np.testing.assert_allclose(values, np.broadcast_to(front.minimised[0], values.shape), rtol=1e-9)
-
-
 def test_whole_turns_of_a_joint_are_left_out_between_motions(problem, front):
     q = np.repeat(np.array(front.motions.q[:1]), 2, axis=0)
     q[1, :, 1] += 2 * np.pi

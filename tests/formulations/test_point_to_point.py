@@ -65,40 +65,6 @@ def test_work_of_sliders_is_the_work_of_the_joints():
     assert np.diff(sliders, axis=1) == pytest.approx(timing.travel, abs=1e-12)
 
 
-def test_genes_and_the_smooth_program_agree(problem, front):
-    program, z = problem.program(), problem.points(front.genes)
-    assert z @ program.costs.T == pytest.approx(front.minimised, abs=1e-12)
-    for one in z:
-        equal, room = program.rows.rows(one)
-        assert np.abs(equal).max() <= 1e-9
-        assert room.min() >= -1e-9
-
-
-def test_derivatives_of_the_assembled_program_are_those_of_its_rows(problem, front):
-    program, z = problem.program().rows, problem.points(front.genes)[0]
-    rng = np.random.default_rng(0)
-    way = rng.normal(size=len(z))
-    step = 1e-6
-    ahead, behind = (np.concatenate(program.rows(z + sign * step * way)) for sign in (1, -1))
-    assert program.jacobian(z) @ way == pytest.approx((ahead - behind) / (2 * step), abs=1e-6)
-    weights = rng.normal(size=len(ahead))
-    slopes = [weights @ program.jacobian(z + sign * step * way) for sign in (1, -1)]
-    bend = program.hessian(z, weights)
-    assert bend @ way == pytest.approx((slopes[0] - slopes[1]) / (2 * step), abs=1e-4 * np.abs(bend).max())
-    assert np.array_equal(bend, bend.T)
-
-
-def test_refinement_makes_no_objective_worse_and_certifies(front, refined):
-    before = dict(zip(front.ids, front.minimised, strict=True))
-    for number, row in zip(refined.ids, refined.minimised, strict=True):
-        assert (row <= before[number] + 1e-7).all()
-    assert refined.minimised.sum() < 0.99 * front.minimised.sum()
-    certificates = refined.certificates
-    assert certificates.violation.max() <= 1e-8
-    assert np.median(certificates.criticality) <= 1e-6
-    assert refined.motions.time[:, -1] == pytest.approx(refined.objectives[:, 0])
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", ["strip", "box"])
 def test_fronts_with_other_motor_curves_are_refined_too(shape):

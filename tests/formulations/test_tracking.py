@@ -12,7 +12,6 @@ from paretoik import Limits, Motion, Task, Tracking, line
 from paretoik.errors import InvalidInput
 from paretoik.formulations.tracking import choose_bases, sample_rollouts
 from paretoik.robot.arms import tringali_3r
-from paretoik.task.motion_task import evaluate_motions
 from paretoik.task.self_motion import branch_labels
 from tests.formulations.problems import OBJECTIVES, PROBLEMS, SMALL, built, paper_3r
 from tests.task.tasks import task
@@ -56,17 +55,6 @@ def test_motions_on_the_path_stay_on_it_between_their_samples(name):
     dense = Motion(arm=problem.task.arm, time=instants, q=between, tasks=problem.task.tasks)
     assert dense.tracking_error.max() < 1e-9
     assert len(motions) > 20
-
-
-@some_problems
-def test_scores_of_a_batch_are_those_of_its_members(name):
-    problem = built(name)
-    genes = genes_of(problem, 4, seed=3)
-    together = evaluate(problem, genes)
-    for i in range(4):
-        alone = evaluate(problem, genes[i : i + 1])
-        np.testing.assert_allclose(alone["F"][0], together["F"][i], rtol=1e-12)
-        np.testing.assert_allclose(alone["G"][0], together["G"][i], rtol=1e-9, atol=1e-12)
 
 
 def test_objectives_are_those_of_the_decoded_motions():
@@ -167,18 +155,6 @@ LIMITED = task(limits=pk.Limits(velocity=2.0), objectives=[pk.kinetic_energy, pk
 @pytest.fixture(scope="module")
 def rollouts():
     return sample_rollouts(LIMITED, np.random.default_rng(0))[0]
-
-
-def test_rollouts_are_sorted_by_violation_then_by_domination(rollouts):
-    F, limits, causes = evaluate_motions(LIMITED, LIMITED.motion(rollouts))
-    for known, value in zip(sample_rollouts(LIMITED, np.random.default_rng(0))[1:], (F, causes), strict=True):
-        np.testing.assert_array_equal(known, value)
-    violation = np.maximum(limits, 0.0).sum(axis=1).round(6)
-    assert (np.diff(violation) >= 0).all()
-    assert violation[0] < violation[-1]
-    rank = (F[None] <= F[:, None]).all(axis=2).sum(axis=1)
-    assert (np.diff(rank)[np.diff(violation) == 0] >= 0).all()
-    assert not any(causes)
 
 
 @pytest.mark.parametrize("count", [1, 3, 12])

@@ -13,9 +13,8 @@ import paretoik as pk
 from paretoik import line, measures, methods
 from paretoik.errors import InvalidInput
 from paretoik.robot import kinematics
-from paretoik.robot.arms import tringali_3r, wan_7r
+from paretoik.robot.arms import tringali_3r
 from tests.capability.test_geodesic import Even
-from tests.resolution.test_resolve import BENT, begun
 
 PATH = line([0.4, 0.05], [0.3, 0.15], duration=1.0, samples=41)
 BOTH = [pk.joint_limit_nearness, pk.manipulability]
@@ -147,13 +146,6 @@ def test_solve_gives_a_front_of_motions_and_pymoo_takes_the_problem():
     )
     result = minimize(problem, NSGA2(pop_size=8), ("n_gen", 2), seed=1)
     assert np.isfinite(result.F).all()
-
-
-def test_spatial_arms_are_tuned_without_criteria():
-    method = methods.WeightedGradientProjection()
-    problem = pk.Tuning(wan_7r(), begun(wan_7r(), BENT), method, judged_starts=2, starts=np.tile(BENT, (4, 1)))
-    assert problem.n_var == 6
-    assert np.isfinite(problem.evaluate(genes_of(problem, 3), return_values_of=["F"])).all()
 
 
 def test_predictive_control_is_judged_by_energy_work_and_distance(predictive, optimum):

@@ -9,8 +9,7 @@ import numpy as np
 import paretoik as pk
 from paretoik.joint_trajectory.controllers import Controller
 from paretoik.joint_trajectory.trajectory import JointTrajectory, TimeScaling, sample_motion
-from tests.task.test_joint_curve import CASES, motion
-from tests.task.test_motion_between_samples import on_circle
+from tests.task.test_joint_curve import CASES, motion, on_circle
 
 URDF = Path(__file__).parents[2] / "problems" / "robots" / "panda.urdf"
 PANDA = pk.Arm.from_urdf(URDF, base="panda_link0", tip="panda_hand_tcp")

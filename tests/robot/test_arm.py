@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.arms import tringali_3r
-from paretoik.robot.chain import joint_motion
 from tests.robot.laws import pose, positions, same, seeds, state_of, turns
 from tests.robot.oracles import potential_energy
 
@@ -65,8 +64,3 @@ def test_a_fixed_joint_is_the_full_arm_held_at_that_value(anyarm_of, seed, value
     if joint:
         rise = potential_energy(arm, q) - potential_energy(held, q[:, rest])
         assert np.abs(rise).max() < 1e-10
-
-
-def test_joint_motion_turns_about_and_slides_along_z():
-    assert joint_motion("revolute", np.pi / 2).apply([1.0, 0.0, 0.0]) == pytest.approx([0.0, 1.0, 0.0])
-    assert joint_motion("prismatic", 0.3).apply([1.0, 0.0, 0.0]) == pytest.approx([1.0, 0.0, 0.3])

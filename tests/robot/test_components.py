@@ -8,8 +8,6 @@ import pytest
 from paretoik.robot import components, dynamics, kinematics
 from paretoik.robot.arms import tringali_3r
 from paretoik.robot.components import to_vector
-from tests.robot.laws import same
-from tests.robot.oracles import STEP
 
 RNG = np.random.default_rng(0)
 A, B = RNG.normal(size=(2, 3, 5))  # two vectors of components over five samples
@@ -50,12 +48,3 @@ def test_batches_of_any_shape_are_their_samples_one_by_one_to_the_bit(panda_arm,
         flat, result = state.reshape(3, -1, arm.dof), whole.reshape(-1, *shape(arm.dof))
         for i in range(0, flat.shape[1], max(1, flat.shape[1] // 10)):
             assert np.array_equal(kernel(arm, *flat[:, i]), result[i])
-
-
-@pytest.mark.parametrize("name", KERNELS)
-def test_complex_input_with_a_vanishing_step_keeps_the_real_result(panda_arm, name):
-    kernel, _ = KERNELS[name]
-    state = np.random.default_rng(2).normal(size=(3, 5, 7))
-    result = kernel(panda_arm, *(state + 1j * STEP))
-    assert result.dtype == complex
-    same(result.real, kernel(panda_arm, *state), 1e-14)

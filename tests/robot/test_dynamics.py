@@ -37,16 +37,6 @@ def test_inertia_matrix_is_symmetric_positive_and_gives_the_kinetic_energy(anyar
     same(np.einsum("ni,nij,nj->n", dq, inertia, dq) / 2, dynamics.kinetic_energy(arm, q, dq))
 
 
-@given(seed=seeds)
-@settings(max_examples=15, deadline=None)
-def test_torques_are_linear_in_the_accelerations_with_the_inertia_matrix_as_slope(anyarm_of, seed):
-    arm = anyarm_of(seed)
-    q, dq, ddq = state_of(arm, seed)
-    still = dynamics.inverse_dynamics(arm, q, dq, np.zeros_like(q))
-    moved = np.einsum("nij,nj->ni", dynamics.inertia_matrix(arm, q), ddq) + still
-    same(dynamics.inverse_dynamics(arm, q, dq, ddq), moved)
-
-
 @given(seed=seeds, place=positions, turn=turns)
 @settings(max_examples=15, deadline=None)
 def test_turning_base_and_gravity_together_leaves_torques_and_kinetic_energy(anyarm_of, seed, place, turn):

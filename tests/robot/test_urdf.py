@@ -100,31 +100,6 @@ def test_frames_of_merged_links_are_named_and_stand_where_the_file_says(panda_ar
     assert hand[1] == pytest.approx(flange[1])
 
 
-def test_the_jaco_has_continuous_joints_without_ends():
-    arm = Arm.from_urdf(JACO, tip="j2s6s200_end_effector")
-    assert arm.joint_types.count("continuous") == 3
-    assert np.isinf(arm.position_limits[[0, 3, 5]]).all()
-    assert arm.bodies[5].mass == pytest.approx(0.99 + 4 * 0.01)  # the four finger links are fixed to the hand
-
-
-@pytest.mark.parametrize("axis", ["0 1 0", "0 0 -1", "0.6 0 -0.8"])
-@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_a_joint_moves_about_or_along_the_axis_of_its_file(write_urdf, axis, kind):
-    file = write_urdf(link("a"), link("b"), joint("j", "a", "b", kind, LIMIT + f'<axis xyz="{axis}"/>'))
-    arm = Arm.from_urdf(file)
-    direction = np.array(axis.split(), float) / np.linalg.norm(np.array(axis.split(), float))
-    rotation, position = forward_kinematics(arm, np.array([0.7]))
-    if kind == "prismatic":
-        assert rotation == pytest.approx(np.eye(3))
-        assert position == pytest.approx(0.7 * direction)
-    else:
-        assert rotation @ direction == pytest.approx(direction)
-        assert np.trace(rotation) == pytest.approx(1 + 2 * np.cos(0.7))
-        away = np.cross(direction, np.roll(direction, 1) + np.array([0.0, 0.0, 0.1]))
-        assert np.cross(away, rotation @ away) @ direction > 0  # turns the right-handed way
-    assert forward_kinematics(arm, np.zeros(1))[0] == pytest.approx(np.eye(3))
-
-
 def test_links_called_tool_and_base_are_those_of_the_file_and_the_arms_own_frames_have_other_names(write_urdf):
     turned = '<origin xyz="0 0 1" rpy="0 0 1.5"/>'
     parts = [link("root"), link("base"), link("tool"), link("tip"), joint("mount", "root", "base", "fixed", turned)]

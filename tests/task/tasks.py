@@ -8,26 +8,16 @@ import paretoik as pk
 from paretoik import kinetic_energy, line
 from paretoik.robot.arms import tringali_3r
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.validation import motion_task
+from paretoik.task.validation import motion_task, with_ends
 
 ARM = tringali_3r()
 LINE = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)
 POSTURE = np.array([-0.6, 0.9, 0.8])
 
 
-def task(path=LINE, arm=ARM, **changed) -> MotionTask:
-    defaults = {
-        "objectives": [kinetic_energy],
-        "limits": None,
-        "constraints": (),
-        "obstacles": (),
-        "link_radius": 0.0,
-        "start": "free",
-        "end_velocity": None,
-        "cyclic": False,
-        "differences": "backward",
-    }
-    return motion_task(arm, path, **{**defaults, **changed})
+def task(path=LINE, arm=ARM, *, start="free", end_velocity=None, cyclic=False, **changed) -> MotionTask:
+    given = {"objectives": [kinetic_energy], "differences": "backward", **changed}
+    return with_ends(motion_task(arm, path, **given), start=start, end_velocity=end_velocity, cyclic=cyclic)
 
 
 def from_posture(q=POSTURE, arm=ARM, samples=21):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik import Arm, Motion, Path, Pose, Task, line
+from paretoik import Arm, Motion, Task, line
 from paretoik.errors import InvalidInput
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arms import tringali_3r
@@ -136,23 +136,3 @@ def test_what_is_no_motion_is_refused_in_one_line(changed, words, unchecked):
     with pytest.raises(InvalidInput, match=words) as refused:
         Motion(**{"arm": ARM, "time": np.arange(5.0), "q": POSTURES, **changed})
     assert "\n" not in str(refused.value)
-
-
-def test_picking_from_a_batch_does_not_lose_what_the_batch_was_made_with():
-    path: Path = line(Pose.planar(0.3, 0, 0), Pose.planar(0.2, 0.2, 1), duration=1.0, samples=5)
-    arm = Arm.planar(lengths=[0.2] * 4)
-    task = Task(path).resolve_axes(arm)
-    ball = Sphere([0.1, 0.1, 0.0], 0.05)
-    motions = Motion(
-        arm=arm,
-        time=path.times,
-        q=np.zeros((2, 5, 4)),
-        tasks=(task,),
-        obstacles=(ball,),
-        link_radius=0.1,
-        differences="central",
-        cyclic=True,
-    )
-    picked = motions[1]
-    for name in ("arm", "tasks", "obstacles", "link_radius", "differences", "cyclic"):
-        assert getattr(picked, name) is getattr(motions, name)

@@ -139,14 +139,6 @@ def test_the_papers_energy_of_a_turning_rod():
     assert pk.joint_drift(motion) == pytest.approx(1.0, rel=1e-12)
 
 
-def test_the_limit_distance_is_zero_in_the_middle_and_an_eighth_per_joint_at_a_limit():
-    arm = Arm.planar(lengths=[1.0, 1.0], position_limits=([-1.0, 0.0], [1.0, 3.0]))
-    t = np.linspace(0, 1, 5)
-    for q, expected in (([0.0, 1.5], 0.0), ([1.0, 3.0], 0.125), ([-1.0, 1.5], 0.0625)):
-        motion = Motion(arm=arm, time=t, q=np.tile(q, (5, 1)))
-        assert pk.joint_limit_distance(motion) == pytest.approx(expected, abs=1e-15)
-
-
 @pytest.mark.parametrize(
     ("form", "maximise", "expected"),
     [

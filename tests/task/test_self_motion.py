@@ -16,12 +16,10 @@ from paretoik.task.self_motion import (
     branch_labels,
     postures_along_path,
     resample_curve,
-    self_motion_frames,
     trace_curves,
     unwrap_nodes,
-    unwrapped_ranges,
 )
-from tests.formulations.problems import panda, random_arm
+from tests.formulations.problems import random_arm
 from tests.task.tasks import ARM, task
 
 TASK = task()
@@ -44,15 +42,6 @@ def test_curves_stay_on_the_path_along_the_null_space(curves):
             assert np.abs(jacobian @ directions[..., None])[:inner].max() < 1e-9
             np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-12)
             assert (np.sum(directions[1:] * directions[:-1], axis=1) > 0).all()
-
-
-def test_frames_are_orthonormal_and_split_the_joints_in_self_motion_and_the_rest(curves):
-    q = np.concatenate(curves[0])
-    samples = np.repeat(np.arange(len(curves[0])), [len(each) for each in curves[0]])
-    along, targets, across = self_motion_frames(TASK, samples, q)
-    frame = np.concatenate([across, along[..., None]], axis=-1)
-    np.testing.assert_allclose(np.swapaxes(frame, 1, 2) @ frame, np.tile(np.eye(3), (len(q), 1, 1)), atol=1e-12)
-    np.testing.assert_array_equal(targets, TASK.targets[samples])
 
 
 @settings(max_examples=25)
@@ -86,14 +75,6 @@ def test_nodes_come_in_all_turns_within_the_ranges_and_in_no_other(seed, low, wi
     assert ((nodes[:, 0] >= low - 1e-9) & (nodes[:, 0] <= low + width + 1e-9)).all()
 
 
-def test_ranges_are_the_limits_and_two_turns_where_turns_are_told_apart():
-    ranges = unwrapped_ranges(TASK, np.array([True, False, False]))
-    np.testing.assert_array_equal(ranges[0], [-2 * np.pi, 2 * np.pi])
-    finite = np.isfinite(ARM.position_limits).all(axis=1)
-    np.testing.assert_array_equal(ranges[1:][finite[1:]], ARM.position_limits[1:][finite[1:]])
-    assert np.isnan(ranges[1:][~finite[1:]]).all()
-
-
 # Labels of branches: signs flip only if links align, and do not depend on the arm's place
 
 
@@ -114,15 +95,6 @@ def test_joints_of_a_planar_arm_bend_with_the_sign_of_their_sine():
     sines = np.sin(q[:, 1:])
     expected_signs = np.where(np.abs(sines) < 1e-9, 0, np.sign(sines))
     np.testing.assert_array_equal(bend_signs(marcos_nr(4), q), expected_signs)
-
-
-def test_the_sign_of_the_pandas_elbow_and_wrist_flips_where_their_sine_does():
-    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (2000, 7))
-    bends = bend_signs(panda(), q)
-    assert bends.shape == (2000, 5)
-    for joint, outward in ((1, 1), (3, 1), (5, 1)):  # axes on either side meet this joint's at right angles
-        signs = bends[:, joint - 1] * np.sign(np.sin(q[:, joint]))
-        assert abs(signs.sum()) == 2000 * outward
 
 
 @pytest.mark.parametrize("joint", [2, 4])

@@ -10,10 +10,11 @@ import pytest
 from paretoik import Arm, Path, Pose, Task, line, poses
 from paretoik.errors import InvalidInput
 from paretoik.robot.arms import marcos_nr
-from paretoik.robot.kinematics import forward_kinematics, link_frames
+from paretoik.robot.kinematics import characteristic_length, forward_kinematics, link_frames
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
-from paretoik.task.retraction import task_errors
+from paretoik.task.retraction import retract_nearest, task_errors
 from tests.formulations.problems import panda, random_arm
+from tests.robot.urdf_text import joint, link
 from tests.trajectory.scaled_problems import Units, on_a_rail
 
 SLIDING = Arm.from_dh(
@@ -136,12 +137,12 @@ def test_the_jacobian_is_the_slope_of_the_error(arm, axes, path, frame):
     _, slopes = task_errors(arm, [task], q, targets)
     assert slopes.shape == (8, task.rows, arm.dof)
     h = 1e-6
-    for joint in range(arm.dof):
+    for number in range(arm.dof):
         step = np.zeros(arm.dof)
-        step[joint] = h
+        step[number] = h
         forth, _ = task_errors(arm, [task], q + step, targets)
         back, _ = task_errors(arm, [task], q - step, targets)
-        np.testing.assert_allclose(slopes[..., joint], (back - forth) / (2 * h), atol=1e-8)
+        np.testing.assert_allclose(slopes[..., number], (back - forth) / (2 * h), atol=1e-8)
     if frame != "tool":
         assert (slopes[..., 3:] == 0).all()
 
@@ -197,3 +198,43 @@ def test_an_arm_in_space_takes_2d_points_only_where_axes_leave_z_free():
 def test_a_frame_that_is_not_on_the_arm_is_refused_with_those_that_are():
     with pytest.raises(InvalidInput, match=r"frame must be one of tool, base, joint1, .* got 'elbow'"):
         Task(POINTS_2D, frame="elbow").resolve_axes(PLANAR)
+
+
+# Arms in space follow 2-D points if their frame keeps its height, up to rounded angles of a URDF.
+
+
+def gantry(tmp_path, slope=1.5708):
+    """Return a planar arm on a rail along x; the z axes of its links are along x up to the rounding of ``slope``."""
+    links = [link(name) for name in ("rail", "cart", "upper", "fore", "hand")]
+    bounds = '<limit lower="-9" upper="9" velocity="3" effort="4"/>'
+    joints = [
+        joint("slide", "rail", "cart", "prismatic", f'<origin rpy="0 {slope} 0"/><axis xyz="0 0 1"/>{bounds}'),
+        joint("turn", "cart", "upper", "revolute", f'<axis xyz="-1 0 0"/>{bounds}'),
+        joint("bend", "upper", "fore", "revolute", f'<origin xyz="0 0 0.4"/><axis xyz="-1 0 0"/>{bounds}'),
+        joint("grip", "fore", "hand", "fixed", '<origin xyz="0 0 0.3"/>'),
+    ]
+    file = tmp_path / "gantry.urdf"
+    file.write_text(f'<robot name="gantry">{"".join([*links, *joints])}</robot>', encoding="utf-8")
+    return Arm.from_urdf(file)
+
+
+def test_a_gantry_of_rounded_angles_follows_2d_points_and_keeps_its_height(tmp_path):
+    arm = gantry(tmp_path)
+    task = Task(POINTS_2D).resolve_axes(arm)
+    assert task.axes == "xy"
+    times, length = np.linspace(0.0, 1.0, 21), characteristic_length(arm)
+    targets = task.targets(times)
+    q = np.repeat([[0.1, 0.4, 0.5]], len(times), axis=0)
+    retracted = retract_nearest(arm, [task], q, targets)
+    assert retracted.on_path.all()
+    position = arm.pose(retracted.q).position
+    np.testing.assert_allclose(position[:, :2], targets, rtol=0.0, atol=1e-12 * length)
+    np.testing.assert_allclose(position[:, 2], 0.0, rtol=0.0, atol=1e-4 * length)
+    assert np.abs(position[:, 2]).max() > 0.0
+
+
+@pytest.mark.parametrize("base", [(0.0, 0.0, 0.0), (1e3, 0.0, 0.0)])
+def test_a_frame_that_rises_by_more_than_rounded_angles_do_is_refused_wherever_it_stands(tmp_path, base):
+    arm = gantry(tmp_path, slope=1.57).mounted(base=Pose(base))
+    with pytest.raises(InvalidInput, match="path must have 3-D points"):
+        Task(POINTS_2D).resolve_axes(arm)
