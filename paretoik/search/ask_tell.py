@@ -21,7 +21,6 @@ from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.objectives import (
     EQUALITY_TOLERANCE,
     TOLERANCE,
-    Floats,
     column_tolerance,
     describe_objectives,
     violations,
@@ -46,22 +45,12 @@ class Candidates:
     _repr_html_ = html_representation
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """Results of evaluated rows, and ``causes`` of failure by row or id."""
-
-    F: Objectives
-    G: Floats
-    H: Floats
-    causes: dict[int, str]
-
-    @classmethod
-    def of(cls, problem: Any, results: Mapping[str, Any], rows: int) -> Outcome:
-        """Return the outcome of results "F", "G", "H" and "cause"; missing ones are NaN for ``rows`` rows."""
-        columns = {"F": problem.n_obj, "G": problem.n_ieq_constr, "H": problem.n_eq_constr}
-        tables = {k: np.asarray(results.get(k, np.full((rows, size), np.nan))) for k, size in columns.items()}
-        causes = {row: str(cause) for row, cause in enumerate(results.get("cause", ())) if cause}
-        return cls(**tables, causes=causes)
+def outcome_of(problem: Any, results: Mapping[str, Any], rows: int) -> dict[str, np.ndarray]:
+    """Return "F", "G", "H" and "cause" of rows; missing numbers are NaN, a cause of no failure is ""."""
+    columns = {"F": problem.n_obj, "G": problem.n_ieq_constr, "H": problem.n_eq_constr}
+    tables = {k: np.asarray(results.get(k, np.full((rows, size), np.nan))) for k, size in columns.items()}
+    causes = [str(cause) if cause else "" for cause in results.get("cause", [""] * rows)]
+    return {**tables, "cause": np.array(causes, dtype=np.str_)}
 
 
 def archive_front(search: Any, points: int | None) -> Front:
@@ -151,7 +140,8 @@ class Search:
         self._suggested: Genes = np.empty((0, problem.n_var))
         self._candidates: Candidates | None = None
         self._infills: Any = None
-        self._outcome: Outcome | None = None
+        self._outcome: dict[str, np.ndarray] = {}
+        self._causes: dict[int, str] = {}  # reasons of failure by id
         self._evaluated: Mask = np.zeros(0, dtype=bool)
 
     def __repr__(self) -> str:
@@ -211,7 +201,7 @@ class Search:
             ids = np.arange(self._evaluations, self._evaluations + n)
             ids.flags.writeable = False
             self._candidates = Candidates(ids, X, self._generation)
-            self._outcome = Outcome.of(self.problem, {}, n)
+            self._outcome, self._causes = outcome_of(self.problem, {}, n), {}
             self._evaluated = np.zeros(n, dtype=bool)
         return self._candidates
 
@@ -238,29 +228,34 @@ class Search:
         numbers = integer_array("ids", ids)
         if numbers.ndim != 1:
             raise InvalidInput(f"ids must be a list of integers, got shape {numbers.shape}")
-        if self._candidates is None or self._outcome is None:
+        if self._candidates is None:
             raise InvalidInput("ids must be of an asked generation, got some before ask()")
         first, last = int(self._candidates.ids[0]), int(self._candidates.ids[-1])
         for number in numbers[(numbers < first) | (numbers > last)]:
             raise InvalidInput(f"ids must be among those asked, {first} to {last}, got {number}")
-        rows, outcome = numbers - first, self._outcome
+        rows = numbers - first
         unique, counts = np.unique(rows, return_counts=True)
         for row in unique[(counts > 1) | self._evaluated[unique]]:
             raise InvalidInput(f"ids must be told once each, got {first + row} again")
         if not isinstance(causes, Mapping | None):
             raise InvalidInput(f"causes must be words by id, got {shown(causes)}")
-        values = _table("F", F, len(rows), self.problem.n_obj)
-        inequalities = _table("G", G, len(rows), self.problem.n_ieq_constr)
-        equalities = _table("H", H, len(rows), self.problem.n_eq_constr)
-        outcome.F[rows], outcome.G[rows], outcome.H[rows] = values, inequalities, equalities
-        outcome.causes.update(causes or {})
+        tables = {}
+        for name, values in (("F", F), ("G", G), ("H", H)):
+            table = np.empty((len(rows), 0)) if values is None else real_array(name, values)
+            if table.shape != (shape := (len(rows), self._outcome[name].shape[1])):
+                fact = "nothing" if values is None else f"shape {table.shape}"
+                raise InvalidInput(f"{name} must be real numbers of shape {shape}, got {fact}")
+            tables[name] = table.astype(float)
+        for name, table in tables.items():
+            self._outcome[name][rows] = table
+        self._causes.update(causes or {})
         self._evaluated[rows] = True
         if self._evaluated.all():
-            self._advance(self._candidates, outcome)
+            self._advance(self._candidates)
 
-    def _advance(self, candidates: Candidates, outcome: Outcome) -> None:
-        F, G, H, ids = outcome.F, outcome.G, outcome.H, candidates.ids
-        self.archive.add(ids, candidates.X, F, G, self._generation, H=H, causes=outcome.causes)
+    def _advance(self, candidates: Candidates) -> None:
+        F, G, H, ids = self._outcome["F"], self._outcome["G"], self._outcome["H"], candidates.ids
+        self.archive.add(ids, candidates.X, F, G, self._generation, H=H, causes=self._causes)
         violation = violations(F, G, H, **self.tolerances)
         usable = np.where(np.isfinite(F).all(axis=1, keepdims=True), F, np.inf)
         axes = slice(self._stage, self._stage + 1) if self._stage < self._stages else slice(None)
@@ -274,7 +269,7 @@ class Search:
         self._population = np.array([individual.data["objectives"] for individual in self._algorithm.pop])
         self._generation += 1
         self._evaluations += len(ids)
-        self._candidates = self._infills = self._outcome = None
+        self._candidates = self._infills = None
         if self._stage < self._stages and self._generation == (self._stage + 1) * self._anchors:
             # next: search one objective from the initial genes, or all objectives from the best of each
             best = column(self._algorithm.pop, "X")[: self._size // (4 * self._stages)]
@@ -304,11 +299,3 @@ class Search:
 def seed_of(seed: int, part: int) -> int:
     """Return the seed of a part of a search: a stage or an island."""
     return int(np.random.SeedSequence([seed, part]).generate_state(1)[0])
-
-
-def _table(name: str, values: ArrayLike | None, rows: int, columns: int) -> Floats:
-    table = np.empty((rows, 0)) if values is None else real_array(name, values)
-    if table.shape != (rows, columns):
-        fact = "nothing" if values is None else f"shape {table.shape}"
-        raise InvalidInput(f"{name} must be real numbers of shape ({rows}, {columns}), got {fact}")
-    return table.astype(float)

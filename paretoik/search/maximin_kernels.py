@@ -150,10 +150,8 @@ def insertion_distances(objectives, count, x, y, distance, queue):
         begin, end = np.uint64(queue[taken, 0]), np.uint64(queue[taken, 1])
         taken += ONE
         x0, y0, x1, y1 = x[begin], y[begin], x[end], y[end]
-        low, length = (
-            begin + ONE,
-            end - begin - ONE,
-        )  # the first point that is not nearer to the beginning than to the end
+        # the first point that is not nearer to the beginning than to the end
+        low, length = begin + ONE, end - begin - ONE
         while length > ONE:
             half = length >> ONE
             u, v = x[low + half - ONE], y[low + half - ONE]
@@ -269,7 +267,6 @@ def select_by_distance(F, rank, capacity, chosen, distance, Z, nearest, members,
     """
     objectives, total = F.shape
     # objectives scaled by the ideal and nadir of the first rank
-    objectives, total = F.shape
     for m in range(objectives):
         ideal, nadir = np.inf, -np.inf
         for k in range(total):
@@ -279,7 +276,6 @@ def select_by_distance(F, rank, capacity, chosen, distance, Z, nearest, members,
             scaled = nadir - ideal > RANGE_TOLERANCE and rank[k] < total
             Z[m, k] = (F[m, k] - ideal) / (nadir - ideal) if scaled else 0.0
     # the points sorted by rank; ``begins[r]`` is then the end of rank r
-    total = rank.shape[0]
     for k in range(total + 2):
         begins[k] = 0
     for k in range(total):

@@ -50,9 +50,8 @@ from paretoik.tables import html_representation
 class MatingOptions:
     """Settings of mating; they have no source."""
 
-    even_share: float = (
-        0.5  # share of tournaments spread evenly over species: a species that is behind may win in the end
-    )
+    # share of tournaments spread evenly over species: a species that is behind may win in the end
+    even_share: float = 0.5
     migration_probability: float = 0.05  # probability that an offspring moves to another species
     rounds: int = 20  # largest number of rounds of mating to get new offspring
 
@@ -269,16 +268,14 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
         initial = self.sampling
         if isinstance(initial, Sampling):
             initial = initial.do(self.problem, self.pop_size, random_state=self.random_state)
-        if self._own_operators is not None:
-            return self._sampled(initial, *self._own_operators)
-        individuals = initial if isinstance(initial, Population) else Population()
-        X = individuals.get("X") if isinstance(initial, Population) else initial
-        X = seeded_population(self.problem, self.pop_size, X, rng=self.random_state)
-        by_genes = {np.asarray(individual.X, dtype=float).tobytes(): individual for individual in individuals}
-        return Population([by_genes.get(row.tobytes()) or Individual(X=row) for row in X])
-
-    def _sampled(self, initial: Any, sampling: Any, mating: Any) -> Any:
-        """Return the first population of genes that are not real numbers: given ones, then pymoo's samples."""
+        if self._own_operators is None:
+            individuals = initial if isinstance(initial, Population) else Population()
+            X = individuals.get("X") if isinstance(initial, Population) else initial
+            X = seeded_population(self.problem, self.pop_size, X, rng=self.random_state)
+            by_genes = {np.asarray(individual.X, dtype=float).tobytes(): individual for individual in individuals}
+            return Population([by_genes.get(row.tobytes()) or Individual(X=row) for row in X])
+        # genes that are not real numbers: given ones, then pymoo's samples
+        sampling, mating = self._own_operators
         first = initial if isinstance(initial, Population) else Population.new("X", [] if initial is None else initial)
         if len(first) > self.pop_size:
             raise InvalidInput(f"sampling must have at most {self.pop_size} individuals, got {len(first)}")
