@@ -32,11 +32,11 @@ Show: TypeAlias = Callable[[int, int], object]  # gets the number of checked poi
 def verify_run(
     run: RunContents, problem: Any, *, reason: str = "", same: bool | None = None, show: Show | None = None
 ) -> Verification:
-    """Return the rows of all checks of a run.
+    """Return the rows of all checks of a run, made or not.
 
-    They include checks that were not made. Without ``problem``, for a ``reason``, motions are not checked against
-    the problem. ``same`` says whether its fingerprint is the run's, None if that is unknown; ``show`` learns the
-    progress.
+    problem: what the run solved; None, for a ``reason``, if motions are not checked against it
+    same: whether its fingerprint is the run's; None if that is unknown
+    show: function that gets the progress
     """
     rows = [*run.checks]
     if words := computed_text(run.entries.get("computed")):
@@ -68,10 +68,7 @@ STRUCTURE = ("files", "shapes", "ids", "objectives' names", "finite motions", "t
 
 
 def _collect(checks: Iterator[Check]) -> list[Check]:
-    """Return the rows of checks.
-
-    If the contents of files make a check fail with an error, the last row has this error.
-    """
+    """Return the rows of checks, the last with the error if contents of files make a check fail with one."""
     rows = list[Check]()
     try:
         for each in checks:
@@ -83,10 +80,7 @@ def _collect(checks: Iterator[Check]) -> list[Check]:
 
 
 def _count_points(checks: Iterator[Check], total: int, show: Show | None) -> Iterator[Check]:
-    """Yield checks, and show the number of completely checked points.
-
-    Checks are in order of points. Raises Interrupted if ``show`` asks to stop.
-    """
+    """Yield checks, in order of points, and show how many points are done; may raise Interrupted."""
     seen = set[int]()
     for each in checks:
         check_interruption()
