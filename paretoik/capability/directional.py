@@ -34,9 +34,6 @@ from paretoik.tables import field_representation, html_representation
 # Best postures of an arm: a search all around for planar arms of three joints, ascent for others.
 
 
-TILT_TOLERANCE = 1e-12  # 1 − cos of the base's tilt: with less tilt, an arm is planar
-
-
 def best_postures(
     arm: Arm,
     actuation: Actuation,
@@ -47,10 +44,7 @@ def best_postures(
     samples: int,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "directions dof"]:
-    """Return for each direction the posture with the highest speed or greatest force.
-
-    Raises OutOfReach and Infeasible as ``directional_maxima`` does.
-    """
+    """Return each direction's posture of highest speed or greatest force; raises as ``directional_maxima`` does."""
     table = _planar_table(arm)
     if table is None:
         starts = sample_holdable_postures(arm, actuation, position, samples, rng)
@@ -73,11 +67,8 @@ def best_postures(
 
 @lru_cache(maxsize=64)
 def _planar_table(arm: Arm) -> tuple[np.ndarray, ...] | None:
-    """Return the data of an arm for ``planar_maxima``.
-
-    Returns None unless the arm is planar with three rotational joints.
-    """
-    upright = abs(arm.base.rotation[2, 2] - 1.0) <= TILT_TOLERANCE
+    """Return an arm's data for ``planar_maxima``, None unless it has three links that turn in the x-y plane."""
+    upright = abs(arm.base.rotation[2, 2] - 1.0) <= 1e-12  # 1 − cos of the tilt
     if not (arm.is_planar and arm.dof == 3 and arm.periodic.all() and upright):
         return None
     steps = [arm.placements[1].position, arm.placements[2].position, arm.tool.position]
@@ -97,9 +88,7 @@ def _planar_table(arm: Arm) -> tuple[np.ndarray, ...] | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerformancePolygon:
-    """Highest speeds or forces of an arm along each direction.
-
-    They are given at one position, with postures.
+    """Highest speeds or forces of an arm at one position, along each direction.
 
     position: position (task,) of the tool [m]; task is 2 for planar arms, else 3
     directions: unit vectors (directions, task)
@@ -215,10 +204,7 @@ def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
 
 
 def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directions task"]:
-    """Return evenly spread unit vectors, or ``directions`` scaled to length 1.
-
-    If ``directions`` is a number, it is the number of vectors. Raises InvalidInput for anything else.
-    """
+    """Return a number of evenly spread unit vectors, or the given ``directions`` scaled to length 1."""
     if isinstance(directions, int | np.integer) and not isinstance(directions, bool):
         check_size("directions", directions, 1)
         share = (np.arange(directions) + 0.5 * (task == 3)) / directions
