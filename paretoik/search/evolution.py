@@ -310,16 +310,7 @@ def evolve(
             if candidates.generation == 0:
                 again, signs = evaluate_again(search, candidates, evaluation), np.where(search.maximised, -1.0, 1.0)
                 warn_of_odd_objectives(search.names, outcome["F"] * signs, again * signs)
-            progress = Progress(
-                generation=search.generation,
-                evaluations=search.evaluations,
-                seconds=computing_clock() - started,
-                failed=search.failed,
-                population=search.population,
-                front=search.archive.F,
-                ids=search.archive.ids,
-                past=past,
-            )
+            progress = progress_of(search, past, computing_clock() - started)
             if observe is not None:
                 observe(progress)
             for ending in endings:
@@ -331,3 +322,17 @@ def evolve(
             past = (*past, progress.front)[-memory:] if memory else ()
     except KeyboardInterrupt:
         return "interrupted"
+
+
+def progress_of(search: Search | Islands, past: tuple[Floats, ...], seconds: float) -> Progress:
+    """Return the progress of a search after ``seconds``, with ``past`` fronts."""
+    return Progress(
+        generation=search.generation,
+        evaluations=search.evaluations,
+        seconds=seconds,
+        failed=search.failed,
+        population=search.population,
+        front=search.archive.F,
+        ids=search.archive.ids,
+        past=past,
+    )

@@ -222,9 +222,6 @@ def keep_farthest(front, objectives, distance, count, capacity, spare, other):
 # has failed.
 
 
-AXIS_WEIGHT = 1e6  # weight of the other objectives in the achievement function along an axis
-
-
 @compiled
 def rank_points(F, rank, spare):
     """Write the non-domination rank of every point; failed points come last. For any number of objectives."""
@@ -319,7 +316,7 @@ def select_by_distance(F, rank, capacity, chosen, distance, Z, nearest, members,
 
 @compiled
 def _choose_extremes(Z, members, capacity, chosen, distance, nearest):
-    """Choose the first points: the minimisers of the achievement function along each axis."""
+    """Choose the first points: minimisers of each axis' achievement function, weight 1e6 on other objectives."""
     objectives, count = Z.shape[0], 0
     for axis in range(objectives):
         best, smallest = -1, np.inf
@@ -327,7 +324,7 @@ def _choose_extremes(Z, members, capacity, chosen, distance, nearest):
             achievement = -np.inf
             for m in range(objectives):
                 value = Z[m, members[i]]
-                achievement = max(achievement, value if m == axis else value * AXIS_WEIGHT)
+                achievement = max(achievement, value if m == axis else value * 1e6)
             if best < 0 or achievement < smallest:
                 best, smallest = i, achievement
         if nearest[best] >= 0.0 and count < capacity:
