@@ -328,12 +328,7 @@ def _linearise(near: Neighbours, d: np.ndarray) -> FirstOrder:
 
 
 def _slopes(
-    near: Neighbours,
-    d: np.ndarray,
-    middle: np.ndarray,
-    instants: np.ndarray,
-    spacing: int,
-    step: float = OPTIONS.step,
+    near: Neighbours, d: np.ndarray, middle: np.ndarray, instants: np.ndarray, spacing: int, step: float = OPTIONS.step
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the derivatives (values, coordinates), and the least curvature (values,) along any coordinate."""
     count, redundancy = near.frames.shape[:2]

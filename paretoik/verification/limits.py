@@ -1,7 +1,4 @@
-"""The limits of a motion, measured again: excesses and worst places.
-
-Excesses are shares of ranges.
-"""
+"""The limits of a motion, measured again: excesses and worst places. Excesses are shares of ranges."""
 
 from __future__ import annotations
 

@@ -149,9 +149,6 @@ def _central(values: np.ndarray, time: np.ndarray, order: int, *, cyclic: bool) 
 # least.
 
 
-GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-
-
 def point_distances(obstacle: Any, points: np.ndarray) -> np.ndarray:
     """Return signed distances [m] of points (..., 3) from an obstacle, negative inside."""
     kind = type(obstacle).__name__
@@ -179,13 +176,14 @@ def segment_distances(obstacle: Any, starts: np.ndarray, ends: np.ndarray) -> np
     def at(share: np.ndarray) -> np.ndarray:
         return point_distances(obstacle, starts + share[..., None] * (ends - starts))
 
-    first, second = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+    golden = (np.sqrt(5.0) - 1.0) / 2.0
+    first, second = high - golden * (high - low), low + golden * (high - low)
     one, two = at(first), at(second)
     best = np.minimum(at(low), at(high))
     for _ in range(OPTIONS.sections):
         left = one < two
         low, high = np.where(left, low, first), np.where(left, second, high)
-        first, second = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        first, second = high - golden * (high - low), low + golden * (high - low)
         one, two = at(first), at(second)
         best = np.minimum(best, np.minimum(one, two))
     return best
@@ -228,7 +226,6 @@ class MeasuredMotion:
     ddq: np.ndarray
     jerk: np.ndarray
     weights: np.ndarray
-    link_radius: float = 0.0
     coefficients: np.ndarray | None = None
     of_spline: MeasuredMotion | None = None
 
@@ -256,6 +253,11 @@ class MeasuredMotion:
     def obstacles(self) -> Any:
         """The obstacles of the problem."""
         return self.task.obstacles
+
+    @property
+    def link_radius(self) -> float:
+        """Radius of the links [m]."""
+        return float(self.task.link_radius)
 
     @property
     def instants(self) -> MeasuredMotion:
@@ -354,11 +356,11 @@ def measure(model: ArmModel, task: Any, time: np.ndarray, q: np.ndarray) -> Meas
     curve = rebuild(time, q, **kind, ends_at_rest=task.ends_at_rest)
     dq, ddq, jerk = rates(curve, time, q, **kind)
     t = instants_of(time, task.differences)
-    weights, radius = quadrature(time, task.differences), float(task.link_radius)
+    weights = quadrature(time, task.differences)
 
     def measured(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, **settings: Any) -> MeasuredMotion:
         state: dict[str, Any] = {"q": q[None], "dq": dq[None], "ddq": ddq[None], "jerk": jerk[None], "time": t[None]}
-        return MeasuredMotion(model=model, task=task, weights=weights, link_radius=radius, **state, **settings)
+        return MeasuredMotion(model=model, task=task, weights=weights, **state, **settings)
 
     if task.differences != "spline":
         return measured(q, dq, ddq)

@@ -1,7 +1,4 @@
-"""Checks of stored motions: path, limits, obstacles and objectives.
-
-Limits are checked at samples and between them.
-"""
+"""Checks of stored motions: path, limits, obstacles and objectives. Limits are checked at samples and between them."""
 
 from __future__ import annotations
 
@@ -16,13 +13,7 @@ from paretoik.verification.arm_model import OPTIONS, TOLERANCES, ArmModel
 from paretoik.verification.limits import clearance_range, excesses
 from paretoik.verification.measured_motion import MeasuredMotion, clearances, nearest_pair, rebuild
 from paretoik.verification.objectives import objective_size, objective_value, stated_value
-from paretoik.verification.path_targets import (
-    path_points,
-    path_targets,
-    sample_points,
-    task_errors,
-    tracking_errors,
-)
+from paretoik.verification.path_targets import path_points, path_targets, sample_points, task_errors, tracking_errors
 from paretoik.verification.run_contents import Check, RunContents, Worst, first_line, judge, leave_out
 
 
@@ -203,8 +194,7 @@ def finer_motion(task: Any, model: ArmModel, curve: ProjectedCurve, time: np.nda
     for k in range(0, len(t) - 1, 2):
         weights[k : k + 3] += step[k] / 3 * np.array([1.0, 4.0, 1.0])
     state: dict[str, Any] = {name: curve(t, order)[None] for order, name in enumerate(("q", "dq", "ddq", "jerk"))}
-    radius = float(task.link_radius)
-    return MeasuredMotion(model=model, task=task, time=t[None], weights=weights, link_radius=radius, **state)
+    return MeasuredMotion(model=model, task=task, time=t[None], weights=weights, **state)
 
 
 def divided(time: np.ndarray, count: int) -> np.ndarray:

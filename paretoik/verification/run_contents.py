@@ -1,7 +1,4 @@
-"""The files of a run, as the verifier reads them.
-
-Every fault becomes a row, and all readable files are read.
-"""
+"""The files of a run, as the verifier reads them. Every fault becomes a row, and all readable files are read."""
 
 from __future__ import annotations
 
@@ -22,7 +19,6 @@ from paretoik.tables import html_representation
 
 
 Verdict = Literal["passed", "failed", "noted", "not checked"]
-MOST_FAILURES = 12  # lines of failures on a screen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,14 +111,29 @@ class Verification:
         return f"{self.folder}: {text}"
 
     def __repr__(self) -> str:
-        groups, failures = _by_subject(self.rows), self.failures
-        width = max((len(group[0].subject) for group in groups), default=0)
-        text = [self.headline, *(_subject_line(group, width) for group in groups)]
-        for row in failures[:MOST_FAILURES]:
+        most, text, failures = 12, [self.headline], self.failures  # most lines of failures
+        width = max((len(row.subject) for row in self.rows), default=0)
+        for rows in _by_subject(self.rows):  # the worst of the rows of one subject
+            verdicts = {row.verdict for row in rows}
+            verdict = next(each for each in ("failed", "not checked", "noted", "passed") if each in verdicts)
+            same = [row for row in rows if row.verdict == verdict]
+            line = f"  {rows[0].subject:<{width}}  {verdict:<11}"
+            if measured := [row for row in same if not math.isnan(row.deviation)]:
+                row = max(measured, key=lambda each: each.deviation - (each.tolerance if each.tolerance > 0 else 0.0))
+                line += f"  {row.deviation:.1e}"
+                line += "" if math.isnan(row.tolerance) else f" (accepted {row.tolerance:.1e})"
+                line += "" if row.point is None else f" at point {row.point}"
+                line += "" if row.worst is None else f", {row.worst}"
+            if verdict in ("failed", "not checked") and len(rows) > 1:
+                line += f"  {len(same)} of {len(rows)}"
+            if verdict in ("not checked", "noted"):
+                line += f"  {same[0].detail}"
+            text.append(line.rstrip())
+        for row in failures[:most]:
             place = "" if row.point is None else f"point {row.point}, "
             text.append(f"fails: {place}{row.subject}: {row.detail}")
-        if len(failures) > MOST_FAILURES:
-            text.append(f"and {len(failures) - MOST_FAILURES} more, in .failures")
+        if len(failures) > most:
+            text.append(f"and {len(failures) - most} more, in .failures")
         return "\n".join(text)
 
     _repr_html_ = html_representation
@@ -168,26 +179,6 @@ def _listed(rows: Sequence[Check]) -> str:
         f"({group[0].worst or group[0].detail})"
         for group in _by_subject(rows)
     )
-
-
-def _subject_line(rows: Sequence[Check], width: int) -> str:
-    """Return the worst of the rows of one subject as a line."""
-    verdicts = {row.verdict for row in rows}
-    verdict = next(each for each in ("failed", "not checked", "noted", "passed") if each in verdicts)
-    same = [row for row in rows if row.verdict == verdict]
-    measured = [row for row in same if not math.isnan(row.deviation)]
-    line = f"  {rows[0].subject:<{width}}  {verdict:<11}"
-    if measured:
-        row = max(measured, key=lambda each: each.deviation - (each.tolerance if each.tolerance > 0 else 0.0))
-        line += f"  {row.deviation:.1e}"
-        line += "" if math.isnan(row.tolerance) else f" (accepted {row.tolerance:.1e})"
-        line += "" if row.point is None else f" at point {row.point}"
-        line += "" if row.worst is None else f", {row.worst}"
-    if verdict in ("failed", "not checked") and len(rows) > 1:
-        line += f"  {len(same)} of {len(rows)}"
-    if verdict in ("not checked", "noted"):
-        line += f"  {same[0].detail}"
-    return line.rstrip()
 
 
 # The files of a run, as the verifier reads them.
