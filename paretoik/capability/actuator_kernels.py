@@ -78,7 +78,7 @@ OPTIONS = SliderOptions()
 
 @compiled
 def motor_speed(shape, stall, fastest, effort):
-    """Return h(e), the highest speed of a motor at an effort. The speed is NaN if the motor cannot bear the effort."""
+    """Return h(e), the highest speed of a motor at an effort; NaN if it cannot bear the effort."""
     share = effort / stall
     if not abs(share) <= 1.0 + OPTIONS.overload:
         return np.nan
@@ -91,7 +91,7 @@ def motor_speed(shape, stall, fastest, effort):
 
 @compiled
 def gears(sine, cosine, front, rod):
-    """Return (s_b, A, B) at the sine and cosine of θ. The place of the back slider is s_b, and dθ = A ds + B ds_b."""
+    """Return (s_b, A, B) of the back slider and dθ = A ds + B ds_b at the sine and cosine of θ."""
     back = -front * cosine + np.sqrt(rod * rod - front * front * sine * sine)
     across = front * back * sine
     return back, (front + back * cosine) / across, (back + front * cosine) / across
@@ -162,8 +162,7 @@ def rod_angle(row, q):
 def joint_maximum(row, q, torque, quantity, ends):
     """Return a joint's highest speed, or the torque that it can hold, and its front slider; NaN without any.
 
-    A joint with a rod that bends the other way turns at −θ̇ under −τ: its highest speed is the same function of its
-    torque.
+    A rod that bends the other way turns at −θ̇ under −τ: its highest speed is the same function of its torque.
     """
     if row[ROD] == 0.0:
         if quantity == HOLD:

@@ -140,14 +140,7 @@ class DirectionalQuery:
 
 
 def directional_query(
-    arm: Arm,
-    actuation: Actuation,
-    position: object,
-    directions: object,
-    *,
-    quantity: Quantity,
-    starts: int,
-    seed: int,
+    arm: Arm, actuation: Actuation, position: object, directions: object, *, quantity: Quantity, starts: int, seed: int
 ) -> DirectionalQuery:
     """Return the checked arguments. Raises InvalidInput, naming the argument that cannot be used."""
     check_actuation(actuation, arm)

@@ -7,7 +7,7 @@ interval and the limit in the middle of each piece.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -203,7 +203,17 @@ def fastest_path(
     first, last = check_ends(model, start, target)
 
     def find() -> FastestPath:
-        paths = [_minimise_energy(model, points) for points in _initial_paths(model, first, last, intervals)]
+        # the straight line, and lines within the box bowed to either side: two in the plane, four in space
+        shares = np.linspace(0.0, 1.0, intervals + 1)[:, None]
+        straight, chord = (1 - shares) * first + shares * last, last - first
+        starts = [straight]
+        if intervals > 1 and chord.any():
+            sideways = np.linalg.svd(chord[None] / np.abs(chord).max())[2][1:]  # unit vectors across the chord
+            for amplitude in OPTIONS.start_amplitudes:
+                swing = amplitude * np.linalg.norm(chord) * np.sin(np.pi * shares)
+                for side in (*sideways, *-sideways):
+                    starts.append(np.clip(straight + swing * side, model.lower, model.upper))
+        paths = [_minimise_energy(model, points) for points in starts]
         optima = [path for path in paths if path is not None]
         if not optima:
             wish = f"fastest_path must reach an optimum within {OPTIONS.iterations} iterations"
@@ -233,21 +243,6 @@ def _integrate_times(model: SpeedModel, points: np.ndarray, tolerance: float) ->
     raise SolverFailed(
         f"path_time must settle to {tolerance:g}, got none that does with {OPTIONS.most_samples} samples"
     )
-
-
-def _initial_paths(model: SpeedModel, start: np.ndarray, target: np.ndarray, intervals: int) -> Iterator[np.ndarray]:
-    """Yield the straight line, and lines within the box bowed to either side: two in the plane, four in space."""
-    shares = np.linspace(0.0, 1.0, intervals + 1)[:, None]
-    straight = (1 - shares) * start + shares * target
-    yield straight
-    chord = target - start
-    if intervals == 1 or not chord.any():
-        return
-    sideways = np.linalg.svd(chord[None] / np.abs(chord).max())[2][1:]  # unit vectors across the chord
-    for amplitude in OPTIONS.start_amplitudes:
-        swing = amplitude * np.linalg.norm(chord) * np.sin(np.pi * shares)
-        for side in (*sideways, *-sideways):
-            yield np.clip(straight + swing * side, model.lower, model.upper)
 
 
 def _minimise_energy(model: SpeedModel, points: np.ndarray) -> np.ndarray | None:

@@ -138,23 +138,6 @@ INFEASIBLE = -1.0  # value of a posture that exceeds limits or is overloaded
 
 
 @compiled
-def _write_ranges(q, loads, table, quantity, ranges, ends):
-    """Write every joint's lowest and highest speed, or remaining torque; return whether all can hold."""
-    for j in range(3):
-        if quantity == SPEED:
-            ranges[j, 1] = joint_maximum(table[j], q[j], loads[j], quantity, ends)[0]
-            ranges[j, 0] = -ranges[j, 1]
-            if table[j, 0] == STRIP:
-                ranges[j, 0] = -joint_maximum(table[j], q[j], -loads[j], quantity, ends)[0]
-        else:
-            hold = joint_maximum(table[j], q[j], 0.0, quantity, ends)[0]
-            ranges[j, 0], ranges[j, 1] = -hold - loads[j], hold - loads[j]
-        if not (ranges[j, 0] <= 0.0 <= ranges[j, 1]):
-            return False
-    return True
-
-
-@compiled
 def highest_speed(columns, ranges, x, y):
     """Return the highest speed along (x, y), to the nearest edge of the polygon of tool velocities."""
     best = np.inf
@@ -230,8 +213,17 @@ def _write_values(curve, place, directions, problem, q, work, values):
     if not write_posture(curve, place, arm, target, q, columns) >= -OPTIONS.overshoot:
         return
     write_loads(q, arm, loads)
-    if not _write_ranges(q, loads, table, quantity, ranges, ends):
-        return
+    for j in range(3):  # every joint's lowest and highest speed, or remaining torque
+        if quantity == SPEED:
+            ranges[j, 1] = joint_maximum(table[j], q[j], loads[j], quantity, ends)[0]
+            ranges[j, 0] = -ranges[j, 1]
+            if table[j, 0] == STRIP:
+                ranges[j, 0] = -joint_maximum(table[j], q[j], -loads[j], quantity, ends)[0]
+        else:
+            hold = joint_maximum(table[j], q[j], 0.0, quantity, ends)[0]
+            ranges[j, 0], ranges[j, 1] = -hold - loads[j], hold - loads[j]
+        if not (ranges[j, 0] <= 0.0 <= ranges[j, 1]):
+            return
     for k in range(directions.shape[0]):
         if quantity == SPEED:
             values[k] = highest_speed(columns, ranges, directions[k, 0], directions[k, 1])

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations_with_replacement, product
 from math import comb
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -109,7 +109,7 @@ def empty_polynomials(positions: Float[np.ndarray, "samples task"], degree: int)
 def orthogonal_design(
     polynomials: Polynomials, positions: Float[np.ndarray, "samples task"]
 ) -> tuple[Float[np.ndarray, "samples terms"], Float[np.ndarray, "terms terms"]]:
-    """Return Q and R of the design matrix, QᵀQ / samples = I; raises InvalidInput if it is singular."""
+    """Return Q and R of the design matrix, QᵀQ / samples = I; raises InvalidInput if its rank is too low."""
     design, (size, task) = polynomials.design(positions), positions.shape
     terms = design.shape[1]
     wish = f"positions must be at least {terms} for polynomials of degree {polynomials.degree} in {task} coordinates"
@@ -131,6 +131,9 @@ def numerical_rank(matrix: np.ndarray, *, tolerance: float = 1e-9) -> int:
 # Speed models: an ellipsoid of velocities at every position.
 
 
+Roots: TypeAlias = tuple[Float[np.ndarray, "*batch task task"], Float[np.ndarray, "*batch task task variables"]]
+
+
 @runtime_checkable
 class SpeedModel(Protocol):
     """Ellipsoids of tool velocity, smooth in the position.
@@ -145,10 +148,23 @@ class SpeedModel(Protocol):
     @property
     def upper(self) -> Float[np.ndarray, " task"]: ...  # noqa: D102
 
-    def roots(
-        self, positions: Float[np.ndarray, "*batch task"]
-    ) -> tuple[Float[np.ndarray, "*batch task task"], Float[np.ndarray, "*batch task task task"]]:
+    def roots(self, positions: Float[np.ndarray, "*batch task"]) -> Roots:
         """Return R(p) [s/m] and ∂R/∂p [s/m²], the coordinate of p last."""
+
+
+def speeds_along(
+    roots: Float[np.ndarray, "*batch task task"], directions: Float[np.ndarray, "directions task"]
+) -> Float[np.ndarray, "*batch directions"]:
+    """Return 1 / ‖R d‖ [m/s], the largest speeds along unit vectors d."""
+    speeds: np.ndarray = 1.0 / np.linalg.norm(directions @ roots, axis=-1)
+    return speeds
+
+
+def model_speeds(
+    model: SpeedModel, positions: Float[np.ndarray, "*batch task"], directions: Float[np.ndarray, "directions task"]
+) -> Float[np.ndarray, "*batch directions"]:
+    """Return the largest speeds [m/s] at positions along unit vectors; raises InvalidInput as ``roots`` does."""
+    return speeds_along(model.roots(positions)[0], directions)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -169,18 +185,12 @@ class PolynomialEllipsoids:
     __repr__ = field_representation
     _repr_html_ = html_representation
 
-    def roots(
-        self, positions: Float[np.ndarray, "*batch task"]
-    ) -> tuple[Float[np.ndarray, "*batch task task"], Float[np.ndarray, "*batch task task task"]]:
+    speeds = model_speeds
+
+    def roots(self, positions: Float[np.ndarray, "*batch task"]) -> Roots:
         """Return R = Q^(1/2) / s [s/m] and ∂R/∂p [s/m²], the coordinate of p last."""
         values, gradients = self.polynomials(positions)
         return (planar_roots if len(self.lower) == 2 else spectral_roots)(values, gradients)
-
-    def speeds(
-        self, positions: Float[np.ndarray, "*batch task"], directions: Float[np.ndarray, "directions task"]
-    ) -> Float[np.ndarray, "*batch directions"]:
-        """Return the largest speeds [m/s] at positions along unit vectors."""
-        return speeds_along(self.roots(positions)[0], directions)
 
     def scaled(self, factor: float) -> PolynomialEllipsoids:
         """Return the model with all speeds times a factor."""
@@ -207,9 +217,9 @@ class AxesEllipses:
     __repr__ = field_representation
     _repr_html_ = html_representation
 
-    def roots(
-        self, positions: Float[np.ndarray, "*batch 2"]
-    ) -> tuple[Float[np.ndarray, "*batch 2 2"], Float[np.ndarray, "*batch 2 2 2"]]:
+    speeds = model_speeds
+
+    def roots(self, positions: Float[np.ndarray, "*batch 2"]) -> Roots:
         """Return R [s/m] and ∂R/∂p [s/m²], the coordinate of p last.
 
         Raises InvalidInput, naming the position, if a radius is not positive.
@@ -234,24 +244,10 @@ class AxesEllipses:
             + 2 * (difference * derivative)[..., None] * gradients[..., 2, :][..., None, None, :]
         )
 
-    def speeds(
-        self, positions: Float[np.ndarray, "*batch 2"], directions: Float[np.ndarray, "directions 2"]
-    ) -> Float[np.ndarray, "*batch directions"]:
-        """Return the largest speeds [m/s] at positions along unit vectors. Raises InvalidInput as ``roots`` does."""
-        return speeds_along(self.roots(positions)[0], directions)
-
-
-def speeds_along(
-    roots: Float[np.ndarray, "*batch task task"], directions: Float[np.ndarray, "directions task"]
-) -> Float[np.ndarray, "*batch directions"]:
-    """Return 1 / ‖R d‖ [m/s], the largest speeds along unit vectors d."""
-    speeds: np.ndarray = 1.0 / np.linalg.norm(directions @ roots, axis=-1)
-    return speeds
-
 
 def spectral_roots(
     values: Float[np.ndarray, "*batch columns"], gradients: Float[np.ndarray, "*batch columns variables"]
-) -> tuple[Float[np.ndarray, "*batch task task"], Float[np.ndarray, "*batch task task variables"]]:
+) -> Roots:
     """Return R = Q^(1/2) / s and its derivatives, from log s and the upper triangle of Q.
 
     Not finite if Q is not positive definite. Source: Higham, Functions of Matrices, theorem 3.11.
@@ -270,9 +266,7 @@ def spectral_roots(
     return slowness * root, slowness[..., None] * (change - root[..., None] * gradients[..., None, :1, :])
 
 
-def planar_roots(
-    values: Float[np.ndarray, "*batch 4"], gradients: Float[np.ndarray, "*batch 4 variables"]
-) -> tuple[Float[np.ndarray, "*batch 2 2"], Float[np.ndarray, "*batch 2 2 variables"]]:
+def planar_roots(values: Float[np.ndarray, "*batch 4"], gradients: Float[np.ndarray, "*batch 4 variables"]) -> Roots:
     """Return the result of ``spectral_roots`` in closed form, in the plane.
 
     Q^(1/2) = (Q + δ I) / t, δ² = det Q, t² = tr Q + 2 δ. Source: Levinger 1980, The square root of a 2 × 2 matrix.

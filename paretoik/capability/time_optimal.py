@@ -136,25 +136,18 @@ class Planner:
                 radius = farthest / 2
             elif actual > 0.75 * predicted and farthest > 0.99 * radius:
                 radius *= 2
-        return Plan(points=points, intervals=intervals, velocity=self._velocity(points), iterations=iterations)
+        # The velocity along the first piece with a length, at the limit at the plan's beginning: a plan with limits in
+        # the middle begins as fast as it may be half a piece later, but a command must satisfy the limit now.
+        change, velocity = points[1:] - points[:-1], np.zeros(points.shape[1])
+        far = np.abs(change).max(axis=1) > 1e-6 * np.abs(points - points[0]).max()
+        if far.any():
+            along = change[int(np.argmax(far))]
+            velocity = along / np.linalg.norm(evaluate_roots(self.model, points[:1])[0][0] @ along)
+        return Plan(points=points, intervals=intervals, velocity=velocity, iterations=iterations)
 
     def _intervals(self, pieces: Pieces) -> Float[np.ndarray, " pieces"]:
         times: np.ndarray = np.linalg.norm(pieces.values, axis=1)
         return np.full_like(times, times.max()) if self._common else times
-
-    def _velocity(self, points: np.ndarray) -> Float[np.ndarray, " task"]:
-        """Return the velocity along the first piece with a length, at the limit at the plan's beginning.
-
-        A plan with limits in the middle begins as fast as it may be half a piece later; a command must satisfy the
-        limit now.
-        """
-        change = points[1:] - points[:-1]
-        far = np.abs(change).max(axis=1) > 1e-6 * np.abs(points - points[0]).max()
-        if not far.any():
-            return np.zeros(points.shape[1])
-        along = change[int(np.argmax(far))]
-        velocity: np.ndarray = along / np.linalg.norm(evaluate_roots(self.model, points[:1])[0][0] @ along)
-        return velocity
 
 
 # The control loop: it plans in every period.
