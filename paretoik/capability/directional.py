@@ -31,39 +31,6 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.tables import field_representation, html_representation
 
-# Best postures of an arm: a search all around for planar arms of three joints, ascent for others.
-
-
-def best_postures(
-    arm: Arm,
-    actuation: Actuation,
-    position: Float[np.ndarray, " task"],
-    directions: Float[np.ndarray, "directions task"],
-    quantity: Quantity,
-    *,
-    samples: int,
-    rng: np.random.Generator,
-) -> Float[np.ndarray, "directions dof"]:
-    """Return each direction's posture of highest speed or greatest force; raises as ``directional_maxima`` does."""
-    table = _planar_table(arm)
-    if table is None:
-        starts = sample_holdable_postures(arm, actuation, position, samples, rng)
-        return maximise_from(arm, actuation, position, directions, quantity, starts)
-    values, q = np.empty(len(directions)), np.empty((len(directions), arm.dof))
-    maximised = actuators.SPEED if quantity == "velocity" else actuators.HOLD
-    if not planar_maxima.write_maxima((table, actuation.table, position, maximised), directions, values, q):
-        lengths, base = table[0], table[3][:2]
-        shortest = max(0.0, 2 * float(lengths.max()) - float(lengths.sum()))
-        raise OutOfReach(
-            f"position: {position.tolist()} m is {np.linalg.norm(position - base):.10g} m from the first joint, "
-            f"the arm reaches from {shortest:.10g} m to {float(lengths.sum()):.10g} m",
-            sample=0,
-        )
-    if (values < 0).any():
-        postures = sample_postures_at(arm, position, min(samples, 400), rng)
-        raise postures_error(arm, actuation, postures, position)
-    return q
-
 
 @lru_cache(maxsize=64)
 def _planar_table(arm: Arm) -> tuple[np.ndarray, ...] | None:
@@ -162,9 +129,26 @@ def directional_query(
 def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
     """Return the requested maxima. Raises OutOfReach, SolverFailed and Infeasible as the verb does."""
     arm, actuation, quantity, directions = query.arm, query.actuation, query.quantity, query.directions
-    rng = np.random.default_rng(query.seed)
-    q = best_postures(arm, actuation, query.position, directions, quantity, samples=query.starts, rng=rng)
-    columns, torque = kinematics.jacobian(arm, q)[:, : len(query.position), :], gravity_torques(arm, q)
+    position, rng, table = query.position, np.random.default_rng(query.seed), _planar_table(arm)
+    # Each direction's best posture: a search all around for planar arms of three joints, ascent for others.
+    if table is None:
+        starts = sample_holdable_postures(arm, actuation, position, query.starts, rng)
+        q = maximise_from(arm, actuation, position, directions, quantity, starts)
+    else:
+        values, q = np.empty(len(directions)), np.empty((len(directions), arm.dof))
+        maximised = actuators.SPEED if quantity == "velocity" else actuators.HOLD
+        if not planar_maxima.write_maxima((table, actuation.table, position, maximised), directions, values, q):
+            lengths, base = table[0], table[3][:2]
+            shortest = max(0.0, 2 * float(lengths.max()) - float(lengths.sum()))
+            raise OutOfReach(
+                f"position: {position.tolist()} m is {np.linalg.norm(position - base):.10g} m from the first joint, "
+                f"the arm reaches from {shortest:.10g} m to {float(lengths.sum()):.10g} m",
+                sample=0,
+            )
+        if (values < 0).any():
+            postures = sample_postures_at(arm, position, min(query.starts, 400), rng)
+            raise postures_error(arm, actuation, postures, position)
+    columns, torque = kinematics.jacobian(arm, q)[:, : len(position), :], gravity_torques(arm, q)
     if quantity == "velocity":
         speeds = joint_speeds(actuation, q, torque)
         values, dq = fastest_joint_speeds(columns, speeds.low, speeds.high, directions)
@@ -184,7 +168,7 @@ def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
         arm=arm,
         actuation=actuation,
         quantity=quantity,
-        position=query.position,
+        position=position,
         directions=directions,
         values=values,
         q=q,

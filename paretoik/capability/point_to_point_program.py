@@ -116,9 +116,6 @@ def require_weight(arm: Arm) -> None:
 # The nonlinear program of a motion from point to point.
 
 
-REACH = 5  # number of coefficients of a cubic spline that determine two neighbouring samples
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PointToPointProgram:
     """The program of a motion from ``start`` to ``target`` (task,) [m], along a ``spline`` (time, coefficients).
@@ -181,7 +178,7 @@ class PointToPointProgram:
     def program(self) -> AssembledRows:
         """The whole program."""
         steps, samples = len(self.spline) - 1, len(self.spline)
-        reach = min(REACH, self.spline.shape[1])
+        reach = min(5, self.spline.shape[1])  # coefficients of a cubic spline that determine two neighbouring samples
         first = np.array([np.flatnonzero(self.spline[i] > 0)[0] for i in range(samples)])
         first = np.minimum(first, self.spline.shape[1] - reach)
         near = first[:, None] + np.arange(reach)
