@@ -11,8 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from paretoik.api.session import RunRequest, open_session
-from paretoik.capability.geodesic import FastestPath
-from paretoik.capability.path_runs import PathQuery
+from paretoik.capability.geodesic import FastestPath, PathQuery
 from paretoik.capability.time_optimal import TimeOptimalRun
 from paretoik.front.storage import array_bytes
 from paretoik.progress import Observer

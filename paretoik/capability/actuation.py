@@ -24,7 +24,6 @@ from paretoik.tables import field_representation, html_representation
 # Motor curves: how fast a motor may run at an effort. Source: Kim, Choi & Jang 2021, Eqs. 3 and 4.
 # No motion satisfies the curves as printed; they are read as diamonds here, which motions can satisfy.
 
-
 MotorShape = Literal["diamond", "strip", "box"]
 SHAPES: tuple[MotorShape, ...] = get_args(MotorShape)
 
@@ -88,11 +87,10 @@ class MotorCurve:
         return np.where(bearable, -low * self.fastest, np.nan), np.where(bearable, high * self.fastest, np.nan)
 
     def slacks(self, effort: Any, travel: Any, duration: Any = 1.0) -> Any:
-        """Return smooth slacks (*batch, dof, rows) of efforts and travels.
+        """Return smooth slacks (*batch, dof, rows) of efforts and travels, none negative if these are possible.
 
-        No slack is negative if efforts and travels are possible. There are four or six per motor. Travel [rad, m] is
-        made in the duration [s]; it is a speed if the duration is 1. All arguments may be complex numbers or
-        expressions, for exact derivatives.
+        A motor makes the travel [rad, m] in the duration [s]. Arguments may be complex numbers or expressions, for
+        exact derivatives.
         """
         d, t, u = duration, effort / self.stall, travel / self.fastest
         if self.shape == "diamond":
@@ -106,11 +104,10 @@ class MotorCurve:
 
 
 def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least_angle: float) -> tuple[float, float]:
-    """Return the least and largest θ that sliders within bounds give.
+    """Return the least and largest θ [rad] of sliders within bounds; raises InvalidInput if no θ is possible.
 
-    Toggles are excluded. Raises InvalidInput if no θ is possible. cos θ = (c² − s² − s_b²) / (2 s s_b) rises with each
-    slider until this slider's square is the other's square minus c², and falls from there. The minimum is at a corner
-    of the bounds, the maximum at a corner or at such a turning point.
+    cos θ = (c² − s² − s_b²) / (2 s s_b) rises with each slider until its square is the other's minus c², then falls:
+    the minimum is at a corner of the bounds, the maximum at a corner or at such a turning point.
     """
     places = [(s, b) for s in front for b in back]
     for fixed, (low, high), turned in ((front, back, False), (back, front, True)):
@@ -129,10 +126,6 @@ def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least_angle: fl
 
 
 # Actuations of an arm, and those of the paper.
-
-
-LONGEST = np.sqrt(np.finfo(float).max) / 4  # m: squares of longer lengths may overflow
-LEAST_ROD_ANGLE = float(np.deg2rad(10.0))  # rad: nearer to 0 or π, sliders turn or hold the joint poorly
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -237,7 +230,7 @@ class DistributedActuation:
         back_bounds: object = None,
         zero: object = 0.0,
         bend: object = 1.0,
-        least_angle: object = LEAST_ROD_ANGLE,
+        least_angle: object = float(np.deg2rad(10.0)),
     ) -> None:
         back = front if back is None else back
         for name, curve in (("front", front), ("back", back)):
@@ -268,11 +261,12 @@ class DistributedActuation:
                 raise InvalidInput(f"distributed actuation, joint {j + 1}: {wish}, got {fact[j].tolist()}")
 
         length, least = self.rod, self.least_angle
-        refuse((length <= 0) | (length > LONGEST), f"rod must be longer than 0 and at most {LONGEST:g} m", length)
+        longest = np.sqrt(np.finfo(float).max) / 4  # m: squares of longer lengths may overflow
+        refuse((length <= 0) | (length > longest), f"rod must be longer than 0 and at most {longest:g} m", length)
         refuse(~np.isin(self.bend, (-1.0, 1.0)), "bend must be 1 or −1", self.bend)
         refuse((least <= 0) | (least >= np.pi), "least_angle must be between 0 and π", least)
         for name, couples in (("front", self.front_bounds), ("back", self.back_bounds)):
-            wrong = (couples[:, 0] <= 0) | (couples[:, 0] > couples[:, 1]) | (couples[:, 1] > LONGEST)
+            wrong = (couples[:, 0] <= 0) | (couples[:, 0] > couples[:, 1]) | (couples[:, 1] > longest)
             refuse(wrong, f"{name} bounds must be 0 < lower ≤ upper", couples)
         refuse(self.front_bounds[:, 1] > length, "front bounds must be at most the rod's length", self.front_bounds)
         _ = self.angle_bounds  # raises if sliders reach no angle
@@ -307,17 +301,13 @@ class DistributedActuation:
         return np.array([angle_range(*each) for each in joints])
 
     def angles(self, q: Joints) -> Joints:
-        """Return the rods' angles θ (*batch, dof) [rad] at joint positions.
-
-        They are not reduced to one turn.
-        """
+        """Return the rods' angles θ (*batch, dof) [rad] at joint positions. They are not reduced to one turn."""
         return self.bend * (q - self.zero)
 
     def gears(self, q: Joints, front: Joints) -> tuple[Joints, Joints, Joints]:
-        """Return s_b [m], A and B [rad/m], all (*batch, dof).
+        """Return s_b [m], A and B [rad/m], all (*batch, dof), at front sliders [m]; A and B include ``bend``.
 
-        They are given at joint positions and front sliders [m]. A and B are per unit of the joint's own angle and
-        include ``bend``. Arguments may be complex numbers, for exact derivatives.
+        Arguments may be complex numbers, for exact derivatives.
         """
         angle = self.angles(q)
         back, a, b = actuators.gears.py_func(np.sin(angle), np.cos(angle), front, self.rod)
@@ -332,10 +322,7 @@ Actuation: TypeAlias = JointActuation | DistributedActuation
 
 
 def check_actuation(actuation: object, arm: Arm) -> None:
-    """Raise InvalidInput unless ``actuation`` fits ``arm``.
-
-    The actuation must drive as many joints as the arm has.
-    """
+    """Raise InvalidInput unless ``actuation`` fits ``arm``. The actuation must drive as many joints as the arm has."""
     check_instance("arm", arm, Arm, "an Arm")
     if not isinstance(actuation, JointActuation | DistributedActuation):
         raise InvalidInput(f"actuation must be a JointActuation or DistributedActuation, got {shown(actuation)}")
@@ -356,10 +343,10 @@ def kim_joint_motors() -> JointActuation:
 
 
 def kim_sliders(base_angle: float = float(np.deg2rad(-120.0)), bend: Literal[-1, 1] = 1) -> DistributedActuation:
-    """Return the sliders (DAM-3R) of Kim, Choi & Jang 2021, Table 2.
+    """Return the sliders (DAM-3R) of Kim, Choi & Jang 2021, Table 2; the first joint's run at up to 1.8 mm/s.
 
-    The first joint's upper speed is 1.8 mm/s. Back sliders have the bounds of front sliders. Rods stay 10° from their
-    toggles; this is not in the paper and costs speed (``least_angle`` of ``DistributedActuation``).
+    Back sliders are as the front ones. Rods stay 10° from their toggles, which is not in the paper and costs speed
+    (``DistributedActuation``).
 
     base_angle: direction [rad] of the link before the first joint. The paper has none: with the default, most
         directions at the paper's nine positions are faster than with motors at the joints, as the paper says

@@ -22,11 +22,10 @@ GOLDEN = 0.6180339887498949  # (√5 − 1) / 2
 
 @inlined
 def golden_section(function, arguments, low, high, iterations, tie=np.inf, target=-np.inf):
-    """Return (value, x) of a minimum between two places, by golden sections.
+    """Return (value, x) of a minimum between two places, exact if there is only one local minimum.
 
-    The result is exact if there is only one local minimum. If two values are
-    equal, the search continues towards ``tie``. It ends at the first value at or below ``target``. Source: Kiefer 1953,
-    Sequential minimax search for a maximum.
+    If two values are equal, the search continues towards ``tie``. It ends at the first value at or below ``target``.
+    Source: Kiefer 1953, Sequential minimax search for a maximum.
     """
     a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
     at_a, at_b = function(a, arguments), function(b, arguments)
@@ -46,10 +45,7 @@ def golden_section(function, arguments, low, high, iterations, tie=np.inf, targe
 
 @inlined
 def bisect(function, arguments, inside, outside, iterations):
-    """Return the last place towards ``outside`` at which a function is ≥ 0.
-
-    The method is bisection.
-    """
+    """Return the last place towards ``outside`` at which a function is ≥ 0."""
     for _ in range(iterations):
         middle = 0.5 * (inside + outside)
         if function(middle, arguments) >= 0.0:
@@ -82,10 +78,7 @@ OPTIONS = SliderOptions()
 
 @compiled
 def motor_speed(shape, stall, fastest, effort):
-    """Return h(e), the highest speed of a motor at an effort.
-
-    The speed is NaN if the motor cannot bear the effort.
-    """
+    """Return h(e), the highest speed of a motor at an effort; NaN if it cannot bear the effort."""
     share = effort / stall
     if not abs(share) <= 1.0 + OPTIONS.overload:
         return np.nan
@@ -98,10 +91,7 @@ def motor_speed(shape, stall, fastest, effort):
 
 @compiled
 def gears(sine, cosine, front, rod):
-    """Return (s_b, A, B) at the sine and cosine of θ.
-
-    The place of the back slider is s_b, and dθ = A ds + B ds_b.
-    """
+    """Return (s_b, A, B) of the back slider and dθ = A ds + B ds_b at the sine and cosine of θ."""
     back = -front * cosine + np.sqrt(rod * rod - front * front * sine * sine)
     across = front * back * sine
     return back, (front + back * cosine) / across, (back + front * cosine) / across
@@ -109,10 +99,9 @@ def gears(sine, cosine, front, rod):
 
 @compiled
 def slider_value(slider, sine, cosine, torque, front, quantity):
-    """Return a joint's highest speed, or holdable torque, at a front slider.
+    """Return a joint's highest speed, or holdable torque, at a front slider; NaN if the joint cannot hold.
 
-    It is NaN if the joint cannot hold. ``slider`` are the numbers of both motors and the rod: not an array, since numba
-    spends time counting references.
+    ``slider`` are the numbers of both motors and the rod: not an array, since numba spends time counting references.
     """
     shape, stall, fastest, back_stall, back_fastest, rod = slider
     _, a, b = gears(sine, cosine, front, rod)
@@ -137,10 +126,7 @@ def _torque_reserve(front, arguments):
 
 @compiled
 def _stretch_ends(row, sine, cosine, ends):
-    """Write the places at which feasibility may change, or A is zero.
-
-    The places are in order. Returns the number of places.
-    """
+    """Write, in order, the places at which feasibility may change or A is zero; return their number."""
     low, high, rod = row[FRONT], row[FRONT + 1], row[ROD]
     ends[0], ends[1], count = low, high, 2
     for k in range(2):
@@ -174,10 +160,9 @@ def rod_angle(row, q):
 
 @compiled
 def joint_maximum(row, q, torque, quantity, ends):
-    """Return a joint's maximum and its front slider.
+    """Return a joint's highest speed, or the torque that it can hold, and its front slider; NaN without any.
 
-    The maximum is the highest speed, or the torque that the joint can hold; NaN without any. A joint with a rod that
-    bends the other way turns at −θ̇ under −τ: its highest speed is the same function of its torque.
+    A rod that bends the other way turns at −θ̇ under −τ: its highest speed is the same function of its torque.
     """
     if row[ROD] == 0.0:
         if quantity == HOLD:
@@ -229,10 +214,9 @@ def joint_maximum(row, q, torque, quantity, ends):
 
 @compiled
 def _bearable_stretch(slider, sine, cosine, torque, low, high):
-    """Return the ends of the part of a stretch that can bear a torque.
+    """Return the ends of the part of a stretch that can bear a torque, NaN if none can.
 
-    They are NaN if no part can. The torque that they can hold rises to one maximum along a stretch and falls: |A| and
-    |B| fall and rise.
+    The torque that sliders can hold rises to one maximum along a stretch and falls: |A| and |B| fall and rise.
     """
     arguments = (slider, sine, cosine, torque, HOLD)
     low_bears, high_bears = _torque_reserve(low, arguments) >= 0.0, _torque_reserve(high, arguments) >= 0.0

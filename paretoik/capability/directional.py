@@ -31,53 +31,11 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.tables import field_representation, html_representation
 
-# Best postures of an arm: a search all around for planar arms of three joints, ascent for others.
-
-
-TILT_TOLERANCE = 1e-12  # 1 − cos of the base's tilt: with less tilt, an arm is planar
-
-
-def best_postures(
-    arm: Arm,
-    actuation: Actuation,
-    position: Float[np.ndarray, " task"],
-    directions: Float[np.ndarray, "directions task"],
-    quantity: Quantity,
-    *,
-    samples: int,
-    rng: np.random.Generator,
-) -> Float[np.ndarray, "directions dof"]:
-    """Return for each direction the posture with the highest speed or greatest force.
-
-    Raises OutOfReach and Infeasible as ``directional_maxima`` does.
-    """
-    table = _planar_table(arm)
-    if table is None:
-        starts = sample_holdable_postures(arm, actuation, position, samples, rng)
-        return maximise_from(arm, actuation, position, directions, quantity, starts)
-    values, q = np.empty(len(directions)), np.empty((len(directions), arm.dof))
-    maximised = actuators.SPEED if quantity == "velocity" else actuators.HOLD
-    if not planar_maxima.write_maxima((table, actuation.table, position, maximised), directions, values, q):
-        lengths, base = table[0], table[3][:2]
-        shortest = max(0.0, 2 * float(lengths.max()) - float(lengths.sum()))
-        raise OutOfReach(
-            f"position: {position.tolist()} m is {np.linalg.norm(position - base):.10g} m from the first joint, "
-            f"the arm reaches from {shortest:.10g} m to {float(lengths.sum()):.10g} m",
-            sample=0,
-        )
-    if (values < 0).any():
-        postures = sample_postures_at(arm, position, min(samples, 400), rng)
-        raise postures_error(arm, actuation, postures, position)
-    return q
-
 
 @lru_cache(maxsize=64)
 def _planar_table(arm: Arm) -> tuple[np.ndarray, ...] | None:
-    """Return the data of an arm for ``planar_maxima``.
-
-    Returns None unless the arm is planar with three rotational joints.
-    """
-    upright = abs(arm.base.rotation[2, 2] - 1.0) <= TILT_TOLERANCE
+    """Return an arm's data for ``planar_maxima``, None unless it has three links that turn in the x-y plane."""
+    upright = abs(arm.base.rotation[2, 2] - 1.0) <= 1e-12  # 1 − cos of the tilt
     if not (arm.is_planar and arm.dof == 3 and arm.periodic.all() and upright):
         return None
     steps = [arm.placements[1].position, arm.placements[2].position, arm.tool.position]
@@ -97,9 +55,7 @@ def _planar_table(arm: Arm) -> tuple[np.ndarray, ...] | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerformancePolygon:
-    """Highest speeds or forces of an arm along each direction.
-
-    They are given at one position, with postures.
+    """Highest speeds or forces of an arm at one position, along each direction.
 
     position: position (task,) of the tool [m]; task is 2 for planar arms, else 3
     directions: unit vectors (directions, task)
@@ -151,14 +107,7 @@ class DirectionalQuery:
 
 
 def directional_query(
-    arm: Arm,
-    actuation: Actuation,
-    position: object,
-    directions: object,
-    *,
-    quantity: Quantity,
-    starts: int,
-    seed: int,
+    arm: Arm, actuation: Actuation, position: object, directions: object, *, quantity: Quantity, starts: int, seed: int
 ) -> DirectionalQuery:
     """Return the checked arguments. Raises InvalidInput, naming the argument that cannot be used."""
     check_actuation(actuation, arm)
@@ -180,9 +129,26 @@ def directional_query(
 def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
     """Return the requested maxima. Raises OutOfReach, SolverFailed and Infeasible as the verb does."""
     arm, actuation, quantity, directions = query.arm, query.actuation, query.quantity, query.directions
-    rng = np.random.default_rng(query.seed)
-    q = best_postures(arm, actuation, query.position, directions, quantity, samples=query.starts, rng=rng)
-    columns, torque = kinematics.jacobian(arm, q)[:, : len(query.position), :], gravity_torques(arm, q)
+    position, rng, table = query.position, np.random.default_rng(query.seed), _planar_table(arm)
+    # Each direction's best posture: a search all around for planar arms of three joints, ascent for others.
+    if table is None:
+        starts = sample_holdable_postures(arm, actuation, position, query.starts, rng)
+        q = maximise_from(arm, actuation, position, directions, quantity, starts)
+    else:
+        values, q = np.empty(len(directions)), np.empty((len(directions), arm.dof))
+        maximised = actuators.SPEED if quantity == "velocity" else actuators.HOLD
+        if not planar_maxima.write_maxima((table, actuation.table, position, maximised), directions, values, q):
+            lengths, base = table[0], table[3][:2]
+            shortest = max(0.0, 2 * float(lengths.max()) - float(lengths.sum()))
+            raise OutOfReach(
+                f"position: {position.tolist()} m is {np.linalg.norm(position - base):.10g} m from the first joint, "
+                f"the arm reaches from {shortest:.10g} m to {float(lengths.sum()):.10g} m",
+                sample=0,
+            )
+        if (values < 0).any():
+            postures = sample_postures_at(arm, position, min(query.starts, 400), rng)
+            raise postures_error(arm, actuation, postures, position)
+    columns, torque = kinematics.jacobian(arm, q)[:, : len(position), :], gravity_torques(arm, q)
     if quantity == "velocity":
         speeds = joint_speeds(actuation, q, torque)
         values, dq = fastest_joint_speeds(columns, speeds.low, speeds.high, directions)
@@ -202,7 +168,7 @@ def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
         arm=arm,
         actuation=actuation,
         quantity=quantity,
-        position=query.position,
+        position=position,
         directions=directions,
         values=values,
         q=q,
@@ -215,10 +181,7 @@ def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
 
 
 def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directions task"]:
-    """Return evenly spread unit vectors, or ``directions`` scaled to length 1.
-
-    If ``directions`` is a number, it is the number of vectors. Raises InvalidInput for anything else.
-    """
+    """Return a number of evenly spread unit vectors, or the given ``directions`` scaled to length 1."""
     if isinstance(directions, int | np.integer) and not isinstance(directions, bool):
         check_size("directions", directions, 1)
         share = (np.arange(directions) + 0.5 * (task == 3)) / directions

@@ -32,9 +32,11 @@ from paretoik.robot.body import TOOL_FRAME
 class DirectionalProgram:
     """The program of an arm along several directions in one posture.
 
-    ``power`` adds the power and its upper bound. ``quantities`` are the quantities along the directions. Units of
-    unknowns (``scale``): 1 rad (m), a rod's length, a motor's highest speed, and ``sizes`` (directions,) of speeds
-    [m/s] or forces [N]; powers are in W.
+    quantities: quantities along the directions
+    power: whether the power of the motors and its upper bound are unknowns
+
+    Units of unknowns (``scale``): 1 rad (m), a rod's length, a motor's highest speed, and ``sizes`` (directions,) of
+    speeds [m/s] or forces [N]; powers are in W.
     """
 
     arm: Arm
@@ -96,10 +98,7 @@ class DirectionalProgram:
         return z
 
     def posture_lanes(self, samples: int) -> LanesOf:
-        """Return how users' functions depend on the unknowns.
-
-        The functions are of motions that stand still.
-        """
+        """Return how users' functions, of motions that stand still, depend on the unknowns."""
         joints, rates = np.arange(self.arm.dof)[None], [0.0] * (3 * samples * self.arm.dof)
         lanes = Lanes(where=joints, parameters=np.zeros((1, 0)), inputs=lambda q, _: ([*(q * samples), *rates], 1.0))
         return lambda *_: [lanes]
@@ -110,10 +109,7 @@ class DirectionalProgram:
         directions: Float[np.ndarray, "directions task"],
         sizes: Float[np.ndarray, " directions"],
     ) -> AssembledRows:
-        """Return the program at a position along directions.
-
-        The program is traced once for all directions.
-        """
+        """Return the program at a position along directions; it is traced once for all of them."""
         return _transcribe(self).at(np.concatenate([position, directions.ravel(), sizes]))
 
 
@@ -172,10 +168,7 @@ def _transcribe(settings: DirectionalProgram) -> TracedRows:
 
 
 def stall_slacks(actuation: Actuation, ratios: list[tuple[Any, ...]], torque: list[Any]) -> list[Any]:
-    """Return the slacks of motors at rest under torques [N m, N].
-
-    Motors without a stall have none.
-    """
+    """Return the slacks of motors at rest under torques [N m, N]. Motors without a stall have none."""
     slacks = list[Any]()
     for m, curve in enumerate(actuation.curves):
         for j in np.flatnonzero(np.isfinite(curve.stall)):
@@ -187,10 +180,7 @@ def stall_slacks(actuation: Actuation, ratios: list[tuple[Any, ...]], torque: li
 def ratios_and_slacks(
     arm: Arm, actuation: Actuation, q: list[Any], front: list[Any]
 ) -> tuple[list[tuple[Any, ...]], list[Any]]:
-    """Return the joints' speed ratios, and the slacks of positions and sliders.
-
-    A ratio is a joint's speed per speed of its motor.
-    """
+    """Return joints' speeds per speed of their motors, and the slacks of positions and sliders."""
     lower, upper = arm.position_limits.T
     slacks = [q[j] - lower[j] for j in np.flatnonzero(np.isfinite(lower))]
     slacks += [upper[j] - q[j] for j in np.flatnonzero(np.isfinite(upper))]

@@ -7,30 +7,59 @@ interval and the limit in the middle of each piece.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.linalg import LinAlgError, cholesky_banded, eig_banded, solveh_banded
 
-from paretoik.capability.path_runs import PathQuery, run_path
 from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.errors import InvalidInput, SolverFailed
-from paretoik.inputs import ArrayLike, check_size, finite_array
+from paretoik.handed_down import HANDED_DOWN
+from paretoik.inputs import ArrayLike, check_flag, check_size, finite_array
 from paretoik.nlp.convex_programs import Pieces
 from paretoik.tables import field_representation, html_representation
+
+# Tool paths saved in run folders. The function that saves them belongs to a higher layer; ``paretoik`` registers it.
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathQuery:
+    """A requested path: the ``verb``, ``start`` and ``target`` [m], and the ``settings``."""
+
+    verb: str
+    model: SpeedModel
+    start: Float[np.ndarray, " task"]
+    target: Float[np.ndarray, " task"]
+    settings: Mapping[str, object]
+
+
+def run_path(
+    query: PathQuery,
+    compute: Callable[[], Result],
+    *,
+    out: str | Path | None,
+    overwrite: bool,
+    observe: Callable[[Any], object] | bool | None,
+) -> Result:
+    """Return the result of ``compute``, saved in the folder ``out`` if there is one."""
+    check_flag("overwrite", overwrite)
+    if out is None and observe is None:  # the quick way, for thousands of paths
+        return compute()
+    result: Result = HANDED_DOWN["keep_path"](query, compute, out=out, overwrite=overwrite, observe=observe)
+    return result
+
 
 # A speed model along paths: checked roots, times of pieces, and points outside the model's box.
 
 
 def check_ends(model: SpeedModel, start: ArrayLike, target: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Return both ends as arrays (task,).
-
-    Raises InvalidInput if an end is not finite or outside the model's box.
-    """
+    """Return both ends as arrays (task,); raises InvalidInput unless they are in the model's box."""
     check_model(model)
     ends = [finite_array(name, end, np.shape(model.lower)) for name, end in (("start", start), ("target", target))]
     check_inside(model, "start", ends[0])
@@ -50,19 +79,13 @@ def check_inside(model: SpeedModel, name: str, point: Float[np.ndarray, " task"]
 def is_outside(
     model: SpeedModel, points: Float[np.ndarray, "*batch task"], *, tolerance: float = 1e-9
 ) -> Bool[np.ndarray, "*batch task"]:
-    """Return which coordinates are outside the model's box.
-
-    The tolerance for rounding is a share of the box.
-    """
+    """Return which coordinates are outside the model's box by more than a share of it."""
     slack = tolerance * (model.upper - model.lower)
     return ~((points >= model.lower - slack) & (points <= model.upper + slack))
 
 
 def evaluate_roots(model: SpeedModel, positions: Float[np.ndarray, "*batch task"]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the roots of the model.
-
-    Raises InvalidInput, naming the position, if roots are not finite.
-    """
+    """Return R and ∂R/∂p; raises InvalidInput, naming the position, if they are not finite."""
     roots, slopes = model.roots(positions)
     if not (np.isfinite(roots).all() and np.isfinite(slopes).all()):
         wrong = ~(np.isfinite(roots).all(axis=(-1, -2)) & np.isfinite(slopes).all(axis=(-1, -2, -3)))
@@ -72,10 +95,7 @@ def evaluate_roots(model: SpeedModel, positions: Float[np.ndarray, "*batch task"
 
 
 def linearise_pieces(model: SpeedModel, points: Float[np.ndarray, "points task"], share: float) -> Pieces:
-    """Return the times R Δp of a path's pieces to first order.
-
-    R is taken at a ``share`` of each piece.
-    """
+    """Return R Δp of a path's pieces, R at a ``share`` of each piece, to first order."""
     change = points[1:] - points[:-1]
     roots, slopes = evaluate_roots(model, points[:-1] + share * change)
     derivative = np.einsum("lijk,lj->lik", slopes, change)
@@ -91,10 +111,7 @@ def linearise_pieces(model: SpeedModel, points: Float[np.ndarray, "points task"]
 
 @dataclass(frozen=True, kw_only=True)
 class GeodesicOptions:
-    """Settings of the search for the fastest path, and of quadrature.
-
-    No paper has these settings.
-    """
+    """Settings of the search for the fastest path, and of quadrature; no paper has them."""
 
     iterations: int = 200
     energy_tolerance: float = 1e-14  # share of the energy: the predicted decrease at which the search ends
@@ -186,7 +203,17 @@ def fastest_path(
     first, last = check_ends(model, start, target)
 
     def find() -> FastestPath:
-        paths = [_minimise_energy(model, points) for points in _initial_paths(model, first, last, intervals)]
+        # the straight line, and lines within the box bowed to either side: two in the plane, four in space
+        shares = np.linspace(0.0, 1.0, intervals + 1)[:, None]
+        straight, chord = (1 - shares) * first + shares * last, last - first
+        starts = [straight]
+        if intervals > 1 and chord.any():
+            sideways = np.linalg.svd(chord[None] / np.abs(chord).max())[2][1:]  # unit vectors across the chord
+            for amplitude in OPTIONS.start_amplitudes:
+                swing = amplitude * np.linalg.norm(chord) * np.sin(np.pi * shares)
+                for side in (*sideways, *-sideways):
+                    starts.append(np.clip(straight + swing * side, model.lower, model.upper))
+        paths = [_minimise_energy(model, points) for points in starts]
         optima = [path for path in paths if path is not None]
         if not optima:
             wish = f"fastest_path must reach an optimum within {OPTIONS.iterations} iterations"
@@ -218,30 +245,12 @@ def _integrate_times(model: SpeedModel, points: np.ndarray, tolerance: float) ->
     )
 
 
-def _initial_paths(model: SpeedModel, start: np.ndarray, target: np.ndarray, intervals: int) -> Iterator[np.ndarray]:
-    """Yield the straight line, and lines bowed to either side.
-
-    There are two sides in the plane, four in space. Lines are within the box.
-    """
-    shares = np.linspace(0.0, 1.0, intervals + 1)[:, None]
-    straight = (1 - shares) * start + shares * target
-    yield straight
-    chord = target - start
-    if intervals == 1 or not chord.any():
-        return
-    sideways = np.linalg.svd(chord[None] / np.abs(chord).max())[2][1:]  # unit vectors across the chord
-    for amplitude in OPTIONS.start_amplitudes:
-        swing = amplitude * np.linalg.norm(chord) * np.sin(np.pi * shares)
-        for side in (*sideways, *-sideways):
-            yield np.clip(straight + swing * side, model.lower, model.upper)
-
-
 def _minimise_energy(model: SpeedModel, points: np.ndarray) -> np.ndarray | None:
-    """Return the path of least energy near a path.
+    """Return the path of least energy near a path, None if the search has not converged.
 
-    Returns None if the search has not converged. Damped Newton steps are projected onto the box: coordinates that are
-    at a bound and would exceed it stay. A path on a saddle is perturbed and the search continues. Source: Bertsekas
-    1982, Projected Newton methods for optimization problems with simple constraints.
+    Damped Newton steps are projected onto the box: coordinates that are at a bound and would exceed it stay. A path on
+    a saddle is perturbed and the search continues. Source: Bertsekas 1982, Projected Newton methods for optimization
+    problems with simple constraints.
     """
     pieces = linearise_pieces(model, points, 0.5)
     energy, damping = float(np.sum(pieces.values**2)), 0.0
@@ -275,10 +284,9 @@ def _minimise_energy(model: SpeedModel, points: np.ndarray) -> np.ndarray | None
 
 
 def _newton_system(model: SpeedModel, points: np.ndarray, pieces: Pieces) -> tuple[np.ndarray, np.ndarray]:
-    """Return gradient and Hessian bands of Σ ‖R Δp‖² / 2.
+    """Return gradient (between, task) and lower Hessian bands (2 task, between · task) of Σ ‖R Δp‖² / 2.
 
-    The gradient is (between, task), the lower bands (2 task, between · task). Second derivatives of R are differences
-    of first ones.
+    Second derivatives of R are differences of first ones.
     """
     values, before, after = pieces.values, pieces.before, pieces.after
     change, middle = points[1:] - points[:-1], (points[1:] + points[:-1]) / 2
@@ -312,10 +320,7 @@ def _apply_step(model: SpeedModel, points: np.ndarray, step: np.ndarray) -> np.n
 
 
 def _fix_coordinates(bands: np.ndarray, fixed: np.ndarray) -> np.ndarray:
-    """Return bands with ``fixed`` coordinates replaced by the identity.
-
-    Rows and columns of the coordinates (between, task) are replaced.
-    """
+    """Return bands with rows and columns of ``fixed`` coordinates (between, task) replaced by the identity."""
     free, result = ~fixed.ravel(), bands.copy()
     for below in range(len(bands)):
         result[below, : len(free) - below] *= free[: len(free) - below] & free[below:]
@@ -324,10 +329,7 @@ def _fix_coordinates(bands: np.ndarray, fixed: np.ndarray) -> np.ndarray:
 
 
 def _damped_step(gradient: np.ndarray, bands: np.ndarray, damping: float) -> tuple[np.ndarray, float]:
-    """Return the damped Newton step, and the predicted decrease of the energy.
-
-    A Hessian that is not positive definite is damped until it is.
-    """
+    """Return the Newton step, damped until the Hessian is positive definite, and the predicted decrease."""
     size = np.maximum(np.abs(bands[0]), 1e-300)
     while True:
         damped = bands.copy()
@@ -341,10 +343,9 @@ def _damped_step(gradient: np.ndarray, bands: np.ndarray, damping: float) -> tup
 
 
 def _leave_saddle(model: SpeedModel, points: np.ndarray, bands: np.ndarray, energy: float) -> np.ndarray | None:
-    """Return the path of least energy on either side of a saddle.
+    """Return the path of least energy on either side of a saddle, along the most negative curvature.
 
-    The sides are along the direction of most negative curvature. None at a minimum: the curvature is positive, or so
-    slightly negative that no perturbation has less energy.
+    None at a minimum: the curvature is positive, or so slightly negative that no perturbation has less energy.
     """
     try:
         cholesky_banded(bands, lower=True)

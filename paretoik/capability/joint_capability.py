@@ -1,7 +1,4 @@
-"""Capability of joints under an actuation, and of the tool.
-
-It has speeds under a torque, torques, and forces.
-"""
+"""Capability of joints under an actuation, and of the tool: speeds under a torque, torques, and forces."""
 
 from __future__ import annotations
 
@@ -28,26 +25,20 @@ from paretoik.robot.arm import Arm
 
 @dataclass(frozen=True, kw_only=True)
 class FacetOptions:
-    """Tolerances of facets.
+    """Tolerances of facets."""
 
-    ``orthogonal`` is the largest cosine of a column orthogonal to a normal, and the smallest share of a range or speed
-    that counts. A normal bounds a direction only if its share along it is at least ``crossing``.
-    """
-
-    orthogonal: float = 1e-9
-    crossing: float = 1e-14
+    orthogonal: float = 1e-9  # largest cosine of a column orthogonal to a normal; smallest share that counts
+    crossing: float = 1e-14  # least share of a normal along a direction that it bounds
 
 
 OPTIONS = FacetOptions()
 
 
 def normals(columns: Float[np.ndarray, "*batch task dof"]) -> Float[np.ndarray, "*batch normals task"]:
-    """Return the normals that facets can have.
+    """Return the normals that facets can have, not of length 1, some of them 0.
 
-    Normals do not have length 1; some are 0. The speeds of joints are independent ranges, so that tool velocities J q̇
-    are a zonotope. The normal of a facet is orthogonal to the columns of J that span the facet: one column in the
-    plane, two in space. Axes are added as columns of joints that do not move, so that normals suffice if columns are
-    parallel.
+    Tool velocities J q̇ of independent joint speeds are a zonotope. A facet's normal is orthogonal to the columns of J
+    that span it: one column in the plane, two in space. Axes are added as columns, in case columns are parallel.
     """
     task = columns.shape[-2]
     axes = np.broadcast_to(np.eye(task), (*columns.shape[:-2], task, task))
@@ -64,9 +55,9 @@ def highest_speeds(
     high: Float[np.ndarray, "*batch dof"],
     directions: Float[np.ndarray, "*#batch directions task"],
 ) -> Float[np.ndarray, "*batch directions"]:
-    """Return the highest speed along each direction [m/s].
+    """Return the highest speed along each direction [m/s]; NaN if a joint's speeds are NaN.
 
-    The speed is NaN if a joint's speeds are NaN. ``columns`` is the Jacobian of positions, and low ≤ 0 ≤ high.
+    ``columns`` is the Jacobian of positions, and low ≤ 0 ≤ high.
     """
     _, bound, nearest = _facets(columns, low, high, directions)
     return _where_known(low, high, np.take_along_axis(bound, nearest[..., None, :], axis=-2)[..., 0, :])
@@ -78,11 +69,7 @@ def greatest_forces(
     high: Float[np.ndarray, "*batch dof"],
     directions: Float[np.ndarray, "*#batch directions task"],
 ) -> Float[np.ndarray, "*batch directions"]:
-    """Return the greatest force along each direction [N] with low ≤ Jᵀ f ≤ high.
-
-    The force is inf if no joint has to bear it. Torques relate to forces as tool velocities to joint speeds, by the
-    same Jacobian transposed (virtual work).
-    """
+    """Return the greatest force along each direction [N] with low ≤ Jᵀ f ≤ high; inf if no joint bears it."""
     shares = directions @ columns
     with np.errstate(divide="ignore", invalid="ignore"):
         bound = np.where(shares > 0, high[..., None, :], low[..., None, :]) / shares
@@ -100,10 +87,9 @@ def fastest_joint_speeds(
     high: Float[np.ndarray, "batch dof"],
     directions: Float[np.ndarray, "batch task"],
 ) -> tuple[Float[np.ndarray, " batch"], Float[np.ndarray, "batch dof"]]:
-    """Return ``highest_speeds``, and joint speeds that reach them.
+    """Return ``highest_speeds`` for one direction per posture, and joint speeds that reach them.
 
-    There is one direction per posture; joint speeds are within their ranges. On a facet, all joints except those whose
-    columns span it are at one of their ends; these follow from the velocity.
+    On a facet, all joints except those whose columns span it are at one of their ends; these follow from the velocity.
     """
     faces, bound, index = _facets(columns, low, high, directions[:, None])
     rows = np.arange(len(faces))
@@ -129,10 +115,9 @@ def fastest_joint_speeds(
 def _facets(
     columns: np.ndarray, low: np.ndarray, high: np.ndarray, directions: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the normals, the value that each allows, and the strictest normal.
+    """Return the normals, the value that each allows (*batch, normals, directions), and the strictest normal.
 
-    Values are (*batch, normals, directions). The rounding of a normal that is nearly orthogonal to a direction must not
-    make it the strictest one.
+    The rounding of a normal that is nearly orthogonal to a direction must not make it the strictest one.
     """
     faces = normals(columns)
     shares = faces @ columns
@@ -158,10 +143,9 @@ Quantity = Literal["velocity", "force"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointSpeeds:
-    """The lowest and highest speed of every joint, all (*batch, dof) [rad/s, m/s].
+    """The lowest and highest speed of every joint, all (*batch, dof) [rad/s, m/s]; NaN if a joint cannot hold.
 
-    NaN if a joint cannot hold. ``front_low`` and ``front_high`` are the positions [m] of the front sliders that give
-    them; 0 without sliders.
+    ``front_low`` and ``front_high`` are the positions [m] of the front sliders that give them; 0 without sliders.
     """
 
     low: Joints
@@ -171,10 +155,7 @@ class JointSpeeds:
 
 
 def joint_speeds(actuation: Actuation, q: Joints, torque: Joints) -> JointSpeeds:
-    """Return the speeds of joints under a torque, with the best sliders.
-
-    Speeds are (*batch, dof). Raises InvalidInput if the shapes of the arrays differ.
-    """
+    """Return the speeds (*batch, dof) of joints under a torque, with the best sliders."""
     if np.shape(q) != np.shape(torque) or np.shape(q)[-1:] != (actuation.dof,):
         raise InvalidInput(
             f"q and torque must have shape (..., {actuation.dof}), got {np.shape(q)} and {np.shape(torque)}"
@@ -184,10 +165,7 @@ def joint_speeds(actuation: Actuation, q: Joints, torque: Joints) -> JointSpeeds
 
 
 def speeds_at_sliders(actuation: Actuation, q: Joints, torque: Joints, front: Joints) -> tuple[Joints, Joints]:
-    """Return the lowest and highest joint speeds at given front sliders.
-
-    Speeds are (*batch, dof). NaN if a motor cannot bear the torque. Without sliders, ``front`` has no effect.
-    """
+    """Return the lowest and highest joint speeds (*batch, dof) at given front sliders; NaN if overloaded."""
     ratios = actuation.ratios(q, front)
     efforts = ratios * torque[..., None, :]
     low, high = ((ratios * _fastest_motors(actuation, ratios, efforts, ahead)).sum(-2) for ahead in (False, True))
@@ -195,10 +173,7 @@ def speeds_at_sliders(actuation: Actuation, q: Joints, torque: Joints, front: Jo
 
 
 def torques_at_sliders(actuation: Actuation, q: Joints, front: Joints) -> Joints:
-    """Return the torques [N m, N] that joints can hold at given sliders.
-
-    The joints are at rest; torques are (*batch, dof). Without sliders, ``front`` has no effect.
-    """
+    """Return the torques (*batch, dof) [N m, N] that joints at rest can hold at given front sliders."""
     ratios, stall = actuation.ratios(q, front), np.stack([curve.stall for curve in actuation.curves])
     with np.errstate(divide="ignore"):  # a motor orthogonal to the joint's motion bears no load
         return np.asarray((stall / np.abs(ratios)).min(axis=-2))
@@ -211,10 +186,9 @@ def motor_speeds(
     torque: Float[np.ndarray, "*#batch dof"],
     dq: Joints,
 ) -> tuple[Float[np.ndarray, "*batch motors dof"], Float[np.ndarray, "*#batch motors dof"]]:
-    """Return speeds and efforts of all motors under a torque.
+    """Return the speeds and efforts of all motors that turn joints at dq under a torque.
 
-    The motors turn joints at dq. The sliders of a joint share its speed: each runs in proportion to its highest speed
-    under its load.
+    The sliders of a joint share its speed: each runs in proportion to its highest speed under its load.
     """
     ratios = actuation.ratios(q, front)
     efforts = ratios * torque[..., None, :]
@@ -227,29 +201,23 @@ def motor_speeds(
 
 
 def _fastest_motors(actuation: Actuation, ratios: np.ndarray, efforts: np.ndarray, ahead: Any) -> np.ndarray:
-    """Return the motor speeds (*batch, motors, dof) that turn joints fastest.
-
-    Joints turn ``ahead`` or back.
-    """
+    """Return the motor speeds (*batch, motors, dof) that turn joints fastest, ``ahead`` or back."""
     ends = [curve.speeds(efforts[..., m, :]) for m, curve in enumerate(actuation.curves)]
     low, high = (np.stack(speeds, axis=-2) for speeds in zip(*ends, strict=True))
     return np.where((ratios > 0) == ahead, high, low)
 
 
 def torque_capacity(actuation: Actuation, q: Joints) -> tuple[Joints, Joints]:
-    """Return the torques [N m, N] that joints can hold, and their sliders.
+    """Return the torques [N m, N] that joints at rest can hold, and their front sliders, both (*batch, dof).
 
-    The joints are at rest, front sliders at their best; both results are (*batch, dof). NaN if no slider fits.
+    Both are at the best sliders; torques are NaN if no slider fits.
     """
     maxima = _joint_maxima(actuation, q, np.zeros_like(q), actuators.HOLD)
     return maxima[..., 0], maxima[..., 1]
 
 
 def quantities_along(quantity: object, count: int) -> tuple[Quantity, ...]:
-    """Return the quantity along each of ``count`` directions.
-
-    The argument is one quantity for all directions, or one for each. Raises InvalidInput for anything else.
-    """
+    """Return the quantity along each direction, from one for all or a list; raises InvalidInput."""
     each: Any = (quantity,) * count if isinstance(quantity, str) else quantity
     valid = isinstance(each, Sequence) and len(each) == count and all(one in get_args(Quantity) for one in each)
     if not valid:
@@ -261,10 +229,7 @@ def quantities_along(quantity: object, count: int) -> tuple[Quantity, ...]:
 
 
 def overload_error(actuation: Actuation, arm: Arm, q: Joints, torque: Joints) -> Infeasible:
-    """Return the error of a posture (dof,) that motors cannot hold.
-
-    The error names the joint.
-    """
+    """Return the error, naming the joint, of a posture (dof,) that motors cannot hold."""
     capacity, _ = torque_capacity(actuation, q)
     share = np.where(np.isnan(capacity), np.inf, np.abs(torque) / np.where(capacity > 0, capacity, 1e-300))
     worst = int(np.argmax(share))
@@ -289,10 +254,7 @@ def overload_error(actuation: Actuation, arm: Arm, q: Joints, torque: Joints) ->
 def values_at(
     arm: Arm, actuation: Actuation, directions: Float[np.ndarray, "directions task"], quantity: Quantity, q: Joints
 ) -> Float[np.ndarray, "*batch directions"]:
-    """Return the maxima along each direction in postures (*batch, dof).
-
-    They are NaN if a joint cannot hold the arm.
-    """
+    """Return the maxima along each direction in postures (*batch, dof); NaN if a joint cannot hold the arm."""
     columns = kinematics.jacobian(arm, q)[..., : directions.shape[1], :]
     torque = dynamics.gravity_torques(arm, q)
     if quantity == "velocity":

@@ -1,6 +1,6 @@
 """Compiled directional maxima of a planar arm with three joints, over all its postures at a position.
 
-Each curve of postures (``planar_postures``) is sampled all around, evenly in a parameter along which it is smooth; for
+Each curve of postures (``posture_curves``) is sampled all around, evenly in a parameter along which it is smooth; for
 every direction the best few places are then refined by golden sections. ``problem`` is (arm, table of actuators,
 position, quantity); ``work`` is (columns, loads, ranges of the joints, ends of stretches), arrays to write to.
 """
@@ -63,10 +63,7 @@ def posture_curves(reach, lengths, curves):
 
 @compiled
 def write_posture(curve, place, arm, target, q, columns):
-    """Write the posture at a place on a curve, and its Jacobian's columns.
-
-    Returns the limits' slack [rad].
-    """
+    """Write the posture at a place on a curve, and its Jacobian's columns; return the limits' slack [rad]."""
     lengths, turned, offsets, base, _, limits = arm
     x, y = target[0] - base[0], target[1] - base[1]
     ahead = np.arctan2(y, x)
@@ -141,33 +138,8 @@ INFEASIBLE = -1.0  # value of a posture that exceeds limits or is overloaded
 
 
 @compiled
-def _write_ranges(q, loads, table, quantity, ranges, ends):
-    """Write every joint's (lowest, highest) speed, or remaining torque.
-
-    Returns whether all joints can hold.
-
-    Returns whether all joints can hold.
-    """
-    for j in range(3):
-        if quantity == SPEED:
-            ranges[j, 1] = joint_maximum(table[j], q[j], loads[j], quantity, ends)[0]
-            ranges[j, 0] = -ranges[j, 1]
-            if table[j, 0] == STRIP:
-                ranges[j, 0] = -joint_maximum(table[j], q[j], -loads[j], quantity, ends)[0]
-        else:
-            hold = joint_maximum(table[j], q[j], 0.0, quantity, ends)[0]
-            ranges[j, 0], ranges[j, 1] = -hold - loads[j], hold - loads[j]
-        if not (ranges[j, 0] <= 0.0 <= ranges[j, 1]):
-            return False
-    return True
-
-
-@compiled
 def highest_speed(columns, ranges, x, y):
-    """Return the highest speed along (x, y).
-
-    The nearest edge of the polygon of tool velocities limits it.
-    """
+    """Return the highest speed along (x, y), to the nearest edge of the polygon of tool velocities."""
     best = np.inf
     for i in range(5):  # edges are along a joint's column; an axis replaces parallel columns
         if i < 3:
@@ -203,8 +175,7 @@ def greatest_force(columns, ranges, x, y):
 def _slack(curve, place, problem, q, work):
     """Return the slack of limits and motors at a place; negative if they are violated.
 
-    Limits, and the angles of rods, are in rad. If positions are within limits, torques count, as shares of the
-    capacity.
+    It is in rad for limits and angles of rods. Within these, torques count, as shares of the capacity.
     """
     arm, table, target, _ = problem
     columns, loads, _, ends = work
@@ -235,18 +206,24 @@ def _negative_slack_at(place, arguments):
 
 @compiled
 def _write_values(curve, place, directions, problem, q, work, values):
-    """Write the values of a place along each direction.
-
-    A value is ``INFEASIBLE`` if the arm cannot be there.
-    """
+    """Write the values of a place along each direction, ``INFEASIBLE`` if the arm cannot be there."""
     arm, table, target, quantity = problem
     columns, loads, ranges, ends = work
     values[:] = INFEASIBLE
     if not write_posture(curve, place, arm, target, q, columns) >= -OPTIONS.overshoot:
         return
     write_loads(q, arm, loads)
-    if not _write_ranges(q, loads, table, quantity, ranges, ends):
-        return
+    for j in range(3):  # every joint's lowest and highest speed, or remaining torque
+        if quantity == SPEED:
+            ranges[j, 1] = joint_maximum(table[j], q[j], loads[j], quantity, ends)[0]
+            ranges[j, 0] = -ranges[j, 1]
+            if table[j, 0] == STRIP:
+                ranges[j, 0] = -joint_maximum(table[j], q[j], -loads[j], quantity, ends)[0]
+        else:
+            hold = joint_maximum(table[j], q[j], 0.0, quantity, ends)[0]
+            ranges[j, 0], ranges[j, 1] = -hold - loads[j], hold - loads[j]
+        if not (ranges[j, 0] <= 0.0 <= ranges[j, 1]):
+            return
     for k in range(directions.shape[0]):
         if quantity == SPEED:
             values[k] = highest_speed(columns, ranges, directions[k, 0], directions[k, 1])
@@ -269,11 +246,10 @@ def _feasible_end(curve, inside, outside, problem, q, work):
 
 @compiled
 def _write_places(curve, grid_values, problem, q, work, places, grid_index):
-    """Write the places of a curve to compare, and their grid numbers.
+    """Write, in order, the places of a curve to compare, and their grid numbers; return how many.
 
-    The places are in order. They are the feasible places of the grid and, as ``NEW``, the ends of every feasible
-    stretch. Places ``OUTSIDE`` separate the stretches. Between two places of the grid, stretches are searched for at
-    the local maxima of the slack. Returns the number of places.
+    These are the feasible places of the grid and, as ``NEW``, the ends of every feasible stretch. Places ``OUTSIDE``
+    separate the stretches. Between two places of the grid, stretches are searched for at the local maxima of the slack.
     """
     step, count = 2.0 * np.pi / OPTIONS.around, 0
     slacks = np.empty(OPTIONS.around)
@@ -315,10 +291,7 @@ def _write_places(curve, grid_values, problem, q, work, places, grid_index):
 
 @compiled(level=3)  # a sixth faster than at level 1
 def write_maxima(problem, directions, values, postures):
-    """Write the greatest value and its posture for every direction.
-
-    The value is −1 if no posture can be held. Returns the number of curves of postures.
-    """
+    """Write every direction's greatest value, −1 without any, and its posture; return the number of curves."""
     arm, _, target, _ = problem
     count = directions.shape[0]
     curves, q = np.empty((2, 3)), np.empty(3)
@@ -349,10 +322,7 @@ def write_maxima(problem, directions, values, postures):
 
 @compiled
 def _update_maximum(curve, places, place_values, direction, problem, q, work, value, posture):
-    """Write the maximum along one direction on a curve, if it is larger.
-
-    It is refined from the best places of the curve.
-    """
+    """Write the maximum along one direction on a curve, refined from its best places, if it is larger."""
     count = len(places)
     tops, index, one = np.full(OPTIONS.refined, -1.0), np.zeros(OPTIONS.refined, dtype=np.int64), np.empty(1)
     for i in range(count):

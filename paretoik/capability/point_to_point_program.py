@@ -59,17 +59,13 @@ class Timing:
 
     @property
     def energy(self) -> Float[np.ndarray, "*batch"]:
-        """Work of all motors, given or taken [J].
-
-        Braking costs as much as driving: no energy is recovered.
-        """
+        """Work of all motors, given or taken [J]: braking costs as much as driving."""
         return np.asarray(self.work.sum(axis=(-1, -2, -3)))
 
     def lateness(self, allowed: Float[np.ndarray, "*batch coarse"]) -> Float[np.ndarray, "*batch"]:
-        """Return the largest lack of time of coarser intervals [s].
+        """Return the largest lack of time of coarser intervals, as a share of their mean.
 
-        It is relative to the interval's mean; each coarse interval has equally many fine intervals. An interval that no
-        motor can bear does not count.
+        Each coarse interval has equally many fine intervals; one that no motor can bear does not count.
         """
         shortest = self.intervals.reshape(*allowed.shape, -1).sum(axis=-1)
         late = np.nan_to_num(shortest - allowed, nan=0.0).max(axis=-1) / allowed.mean(axis=-1)
@@ -79,10 +75,9 @@ class Timing:
 def minimum_timing(
     arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths, *, travel_tolerance: float = 1e-9
 ) -> Timing:
-    """Return the timing of joint positions at samples (*batch, time, dof).
+    """Return the timing of joint positions and front sliders at samples (*batch, time, dof).
 
-    Front sliders are given at the same samples, if there are any. A motor that travels no more than the tolerance [rad,
-    m] between samples rests, even under its largest load.
+    A motor that travels no more than the tolerance [rad, m] between samples rests, even under its largest load.
     """
     middle = (q[..., 1:, :] + q[..., :-1, :]) / 2
     middle_front = (front[..., 1:, :] + front[..., :-1, :]) / 2
@@ -119,9 +114,6 @@ def require_weight(arm: Arm) -> None:
 
 
 # The nonlinear program of a motion from point to point.
-
-
-REACH = 5  # number of coefficients of a cubic spline that determine two neighbouring samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,7 +178,7 @@ class PointToPointProgram:
     def program(self) -> AssembledRows:
         """The whole program."""
         steps, samples = len(self.spline) - 1, len(self.spline)
-        reach = min(REACH, self.spline.shape[1])
+        reach = min(5, self.spline.shape[1])  # coefficients of a cubic spline that determine two neighbouring samples
         first = np.array([np.flatnonzero(self.spline[i] > 0)[0] for i in range(samples)])
         first = np.minimum(first, self.spline.shape[1] - reach)
         near = first[:, None] + np.arange(reach)
@@ -218,24 +210,27 @@ class PointToPointProgram:
         return AssembledRows(unknowns=self.count, parts=(*self.program.parts, part))
 
     def lanes(self, term: SmoothTerm, samples: list[int]) -> list[Lanes]:
-        """Return how a user's function depends on the unknowns.
+        """Return how a user's function depends on the unknowns: the first sample, the others, or the whole motion.
 
-        There are lanes for samples, with the first sample separate, or one lane for the whole motion. Rates are
-        backward differences, 0 at the first sample, as those of the motions of the front.
+        Rates are backward differences, 0 at the first sample, as those of the motions of the front.
         """
         if not term.local:
             intervals = np.arange(self.slices["times"].start, self.slices["times"].stop)
-            coefficients = np.arange(self.spline.shape[1] * self.arm.dof)
-            where = np.concatenate([coefficients, intervals])[None]
-            return [Lanes(where=where, parameters=np.zeros((1, 0)), inputs=self._whole_inputs)]
+            count, dof = self.spline.shape[1], self.arm.dof
+
+            def whole(z: list[Any], _: list[Any]) -> tuple[list[Any], Any]:
+                table = np.array(z[: count * dof], dtype=object).reshape(count, dof)
+                q = [_combine(row.tolist(), table) for row in self.spline]
+                steps = [step * self.pace for step in z[count * dof :]]
+                return [x for order in backward_rates(q, steps) for row in order for x in row] + steps, 1.0
+
+            where = np.concatenate([np.arange(count * dof), intervals])[None]
+            return [Lanes(where=where, parameters=np.zeros((1, 0)), inputs=whole)]
         first = [self._sample_lanes([0], 0)] if samples[0] == 0 else []
         return [*first, self._sample_lanes(samples[len(first) :], term.orders)]
 
     def _sample_lanes(self, samples: list[int], orders: int) -> Lanes:
-        """Return the lanes of functions of rates at samples.
-
-        Rates are up to an order; lanes include the samples before.
-        """
+        """Return the lanes of functions of rates up to an order, which read the samples before too."""
         window = np.maximum(np.array(samples)[:, None] - np.arange(orders + 1), 0)
         weights = self.spline[window]  # (lanes, window, coefficients)
         nonzero = np.any(weights > 0, axis=1)
@@ -258,27 +253,16 @@ class PointToPointProgram:
         where = np.concatenate([joints, self.slices["times"].start + intervals], axis=1)
         return Lanes(where=where, parameters=weights.reshape(len(near), -1), inputs=inputs)
 
-    def _whole_inputs(self, z: list[Any], _: list[Any]) -> tuple[list[Any], Any]:
-        count, dof = self.spline.shape[1], self.arm.dof
-        table = np.array(z[: count * dof], dtype=object).reshape(count, dof)
-        q = [_combine(row.tolist(), table) for row in self.spline]
-        steps = [step * self.pace for step in z[count * dof :]]
-        return [x for order in backward_rates(q, steps) for row in order for x in row] + steps, 1.0
-
     def _where(self, near: np.ndarray) -> np.ndarray:
-        """Return the indices of unknowns with coefficients (batch, reach).
-
-        They are those of all joints, then of all sliders.
-        """
+        """Return the indices of all joints' and sliders' unknowns with coefficients (batch, reach)."""
         dof = self.arm.dof
         joints = (near[:, :, None] * dof + np.arange(dof)).reshape(len(near), -1)
         return np.concatenate([joints + self.slices["front"].start * k for k in range(self.motors)], axis=1)
 
 
 def backward_rates(q: list[list[Any]], steps: list[Any]) -> list[list[list[Any]]]:
-    """Return positions and three derivatives at samples.
+    """Return positions and three backward differences at samples, ``steps`` apart; 0 at the first sample.
 
-    Derivatives are backward differences, 0 at the first sample. ``steps`` are the intervals between the samples.
     Source: Tringali & Cocuzza 2020, as ``Motion``.
     """
     orders = [q]

@@ -1,7 +1,4 @@
-"""Postures at a position that motors can hold, and errors without any.
-
-Postures are within limits and the reach of rods.
-"""
+"""Postures at a position that motors can hold, within limits and the reach of rods, and errors without any."""
 
 from __future__ import annotations
 
@@ -60,8 +57,7 @@ def maximise_from(
 ) -> Float[np.ndarray, "directions dof"]:
     """Return the best posture of each direction by ascent from ``starts``.
 
-    The best posture of one direction is tried for all other directions. If it improves a direction, the ascent starts
-    again from it.
+    If the best posture of one direction improves another, the ascent along the other starts again from it.
     """
     program = DirectionalProgram(arm=arm, actuation=actuation, quantities=(quantity,))
     parts = np.array_split(starts, -(-len(starts) // ASCENT_OPTIONS.batch))
@@ -69,10 +65,7 @@ def maximise_from(
     ascended = np.zeros(len(directions))
 
     def climb(k: int, start: np.ndarray, *, near: bool) -> float:
-        """Ascend along direction k and keep the end point.
-
-        Returns its value, 0 without an end point.
-        """
+        """Ascend along direction k and keep the end point. Returns its value, 0 without an end point."""
         nonlocal q, values
         size = float(values[:, k].max())
         end = ascend(program, position, directions[k], size, start, near=near) if 0 < size < np.inf else None
@@ -106,10 +99,10 @@ def ascend(
     *,
     near: bool = False,
 ) -> Float[np.ndarray, " dof"] | None:
-    """Return the posture of a local maximum along a direction.
+    """Return the posture of a local maximum along a direction, None if limits are violated.
 
-    Returns None if limits are violated. ``size`` [m/s, N] is about the expected value. ``near`` a maximum, quadratic
-    programs are used: they stay at it, while interior points may leave it.
+    ``size`` [m/s, N] is about the expected value. ``near`` a maximum, quadratic programs are used: they stay at it,
+    while interior points may leave it.
     """
     cost = np.zeros((1, program.unknowns))
     cost[0, program.slices["values"]] = -1.0
@@ -155,10 +148,10 @@ OPTIONS = PostureSampleOptions()
 def sample_holdable_postures(
     arm: Arm, actuation: Actuation, position: Float[np.ndarray, " task"], samples: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "postures dof"]:
-    """Return postures at a position in which motors can hold the arm.
+    """Return postures at a position, within limits, in which motors can hold the arm.
 
-    All are within limits. If no sample can be held, the overload of the best is reduced. Raises OutOfReach, and
-    Infeasible, naming joint, torque and limit of the least overloaded.
+    If no sample can be held, the least overloaded ascend. Raises OutOfReach, and Infeasible, naming joint, torque and
+    limit of the least overloaded.
     """
     restricted, q, feasible = restrict_to_rods(arm, actuation), np.empty((0, arm.dof)), np.empty((0, arm.dof))
     for _ in range(OPTIONS.batches):
@@ -188,9 +181,9 @@ def sample_holdable_postures(
 def sample_postures_at(
     arm: Arm, position: Float[np.ndarray, " task"], samples: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "postures dof"]:
-    """Return postures that reach a position; some may exceed limits.
+    """Return postures that reach a position; some may exceed limits, all are in the turn of their limits.
 
-    Each joint is in the turn of its limits. Raises OutOfReach.
+    Raises OutOfReach, and SolverFailed if none was found within reach.
     """
     task = stationary_task(arm, position)
     q = sample_postures(task, samples, rng)
@@ -211,9 +204,9 @@ def sample_postures_at(
 
 
 def restrict_to_rods(arm: Arm, actuation: Actuation) -> Arm:
-    """Return the arm with joint limits reduced to the reach of sliders.
+    """Return the arm with joint limits reduced to the reach of sliders, in one turn.
 
-    The limits are in one turn. Raises InvalidInput, naming the joint, if limits and reach do not overlap.
+    Raises InvalidInput, naming the joint, if limits and reach do not overlap.
     """
     if not isinstance(actuation, DistributedActuation):
         return arm
@@ -240,10 +233,7 @@ def stationary_task(arm: Arm, position: Float[np.ndarray, " task"]) -> MotionTas
 
 
 def limit_excess(arm: Arm, q: Joints) -> Joints:
-    """Return the excess [rad, m] of joints over limits, negative within.
-
-    Joint positions are (*batch, dof).
-    """
+    """Return the excess [rad, m] of joints over limits (*batch, dof), negative within."""
     lower, upper = arm.position_limits.T
     return np.asarray(np.maximum(q - upper, lower - q))
 
@@ -251,10 +241,7 @@ def limit_excess(arm: Arm, q: Joints) -> Joints:
 def overload(
     arm: Arm, actuation: Actuation, q: Joints, *, without_slider: float = 1e6
 ) -> Float[np.ndarray, " postures"]:
-    """Return the largest load of any joint, as a share of capacity.
-
-    The capacity is that of its motor. The load is a large number if no slider fits.
-    """
+    """Return the largest load of any joint, as a share of its capacity."""
     torque, (capacity, _) = gravity_torques(arm, q), torque_capacity(actuation, q)
     share = np.abs(torque) / np.where(capacity > 0, capacity, 1e-300)
     share = np.where(np.isnan(capacity), without_slider, share)
@@ -268,10 +255,7 @@ def can_hold(arm: Arm, actuation: Actuation, q: Joints) -> Bool[np.ndarray, " po
 
 
 def postures_error(arm: Arm, actuation: Actuation, q: np.ndarray, position: np.ndarray) -> Infeasible:
-    """Return the error of postures that cannot be held within limits.
-
-    It describes the nearest posture.
-    """
+    """Return the error of postures that cannot be held within limits, of the nearest to it."""
     excess = limit_excess(arm, q)
     inside = q[(excess <= 0).all(axis=1)]
     if len(inside):

@@ -1,7 +1,4 @@
-"""Ellipsoids fitted to directional maxima.
-
-The fit is one convex program for all positions, or the paper's two stages.
-"""
+"""Ellipsoids fitted to directional maxima: one convex program for all positions, or the paper's two stages."""
 
 from __future__ import annotations
 
@@ -75,10 +72,7 @@ def fit_errors(model: SpeedModel, positions: Positions, directions: Directions, 
 
 
 def checked_samples(positions: object, directions: object, speeds: object) -> tuple[Positions, Directions, Speeds]:
-    """Return the arrays as numbers.
-
-    Raises InvalidInput unless they are positions, unit vectors and speeds.
-    """
+    """Return the arrays as numbers; raises InvalidInput unless they are positions, unit vectors and speeds."""
     places, vectors = _matrix("positions", positions), _matrix("directions", directions)
     task = places.shape[1]
     if task not in (2, 3):
@@ -149,7 +143,7 @@ def fit_ellipsoids(
     """Return the ellipsoid model of least relative errors.
 
     It minimises Σ (fitted / true − true / fitted)²: to first order four times the squared errors. The program is convex
-    in P, the inverse square of the ellipsoid (``nlp.ellipsoid_fit``), so that the fit is the best of its kind. The
+    in P, the inverse square of the ellipsoid (``nlp.convex_programs``), so that the fit is the best of its kind. The
     scale s(p) is fitted first, by linear least squares: log s is that of the ball with the volume of the directional
     maxima. Loading cvxpy takes about two seconds. Source: Kim, Choi & Jang 2021, Eq. 5, with P in place of radii and an
     angle.
@@ -198,7 +192,7 @@ def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> Ax
 
     The stages are the ellipse of each position, then polynomials. Arguments and errors are those of ``fit_ellipsoids``;
     it also raises InvalidInput if positions are not in the plane. The radii a ≥ b and the angle c of each ellipse are
-    those of least relative errors; c is continued from each position to its nearest neighbours. Source: Kim, Choi &
+    those of least relative errors; c is continued along a shortest tree of positions. Source: Kim, Choi &
     Jang 2021, Eq. 5 and section 3.1.
     """
     positions, directions, speeds = checked_samples(positions, directions, speeds)
@@ -223,11 +217,7 @@ def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> Ax
 
 
 def ellipsoids_at(directions: Directions, speeds: Speeds) -> Float[np.ndarray, "samples task task"]:
-    """Return the inverse square P [s²/m²] of every position's ellipsoid.
-
-    Each is fitted to its own speeds only. Raises InvalidInput unless the directions determine an ellipsoid;
-    SolverFailed as ``fit_ellipsoids`` does.
-    """
+    """Return the inverse square P [s²/m²] of every position's ellipsoid, fitted to its own speeds only."""
     check_determined(directions)
     task, each = directions.shape[1], np.eye(len(speeds))
     scale = np.exp(log_volume_radii(speeds, task))
@@ -238,19 +228,13 @@ def ellipsoids_at(directions: Directions, speeds: Speeds) -> Float[np.ndarray, "
 
 
 def log_volume_radii(speeds: Speeds, task: int) -> Float[np.ndarray, " samples"]:
-    """Return the log radius of a ball of equal volume.
-
-    The volume is that within the speeds along evenly spread directions.
-    """
+    """Return the log radius of a ball with the volume within speeds along evenly spread directions."""
     largest = speeds.max(axis=1, keepdims=True)  # divided out, because its powers may overflow
     return np.asarray(np.log(np.mean((speeds / largest) ** task, axis=1)) / task + np.log(largest[:, 0]))
 
 
 def check_needles(slowness: Float[np.ndarray, " samples"], speeds: Speeds) -> None:
-    """Raise SolverFailed if an ellipsoid is far longer than the speeds.
-
-    The longest radius is 1 / slowness [m/s].
-    """
+    """Raise SolverFailed if an ellipsoid, of longest radius 1 / slowness [m/s], is far longer than the speeds."""
     ratio = 1.0 / (slowness * speeds.max(axis=1))
     if not ratio.max() <= OPTIONS.needle:
         raise SolverFailed(

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations_with_replacement, product
 from math import comb
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -25,11 +25,9 @@ from paretoik.tables import field_representation, html_representation
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Polynomials:
-    """Polynomials of total ``degree`` in x = (p − center) / scale.
+    """Polynomials of total ``degree`` in x = (p − center) / scale, one per column of ``coefficients``.
 
-    There is one column of ``coefficients`` per polynomial. Rows are the monomials, the products of ``degree``
-    factors out of 1, x₁, x₂, …, in the order of ``monomials``: 1, x₁, x₂, x₁², x₁x₂, x₂² for two coordinates and degree
-    2.
+    Rows are the ``monomials``: 1, x₁, x₂, x₁², x₁x₂, x₂² for two coordinates and degree 2.
     """
 
     degree: int
@@ -55,10 +53,10 @@ class Polynomials:
     def bernstein(
         self, lower: Float[np.ndarray, " task"], upper: Float[np.ndarray, " task"]
     ) -> Float[np.ndarray, "points terms"]:
-        """Return the matrix from monomial to Bernstein coefficients of a box.
+        """Return the matrix from monomial to tensor Bernstein coefficients of a box.
 
-        The basis is the tensor Bernstein basis. Over the box a polynomial is a convex combination of its Bernstein
-        coefficients. Source: Farouki 2012, The Bernstein polynomial basis: a centennial retrospective, section 5.
+        Over the box a polynomial is a convex combination of its Bernstein coefficients. Source: Farouki 2012, The
+        Bernstein polynomial basis: a centennial retrospective, section 5.
         """
         nodes = np.linspace(0.0, 1.0, self.degree + 1)
         order = np.arange(self.degree + 1)
@@ -91,19 +89,15 @@ class Polynomials:
 
 
 def monomials(task: int, degree: int) -> Int[np.ndarray, "terms degree"]:
-    """Return the indices of each product's factors 1 (0), x₁, x₂, ….
-
-    Products are up to a degree, the lowest degree first.
-    """
+    """Return the factors 1 (0), x₁, x₂, … of every product of ``degree`` of them, the lowest degree first."""
     rows = list(combinations_with_replacement(range(1 + task), degree))
     return np.array(rows, dtype=int).reshape(len(rows), degree)
 
 
 def empty_polynomials(positions: Float[np.ndarray, "samples task"], degree: int) -> Polynomials:
-    """Return polynomials without columns, to be fitted at positions.
+    """Return polynomials without columns, to be fitted at positions; all coordinates have one scale.
 
-    All coordinates have one scale, so that axes stay equal. Raises InvalidInput unless the degree is a whole number of
-    at least 0.
+    Raises InvalidInput unless the degree is a whole number of at least 0.
     """
     check_size("degree", degree, 0)
     center = positions.mean(axis=0)
@@ -115,10 +109,7 @@ def empty_polynomials(positions: Float[np.ndarray, "samples task"], degree: int)
 def orthogonal_design(
     polynomials: Polynomials, positions: Float[np.ndarray, "samples task"]
 ) -> tuple[Float[np.ndarray, "samples terms"], Float[np.ndarray, "terms terms"]]:
-    """Return Q and R of the design matrix at positions, QᵀQ / samples = I.
-
-    Raises InvalidInput if the positions do not determine the polynomials.
-    """
+    """Return Q and R of the design matrix, QᵀQ / samples = I; raises InvalidInput if its rank is too low."""
     design, (size, task) = polynomials.design(positions), positions.shape
     terms = design.shape[1]
     wish = f"positions must be at least {terms} for polynomials of degree {polynomials.degree} in {task} coordinates"
@@ -132,15 +123,15 @@ def orthogonal_design(
 
 
 def numerical_rank(matrix: np.ndarray, *, tolerance: float = 1e-9) -> int:
-    """Return the numerical rank of a matrix.
-
-    Singular values up to ``tolerance`` of the largest count as 0.
-    """
+    """Return a matrix's number of singular values above ``tolerance`` of the largest."""
     sizes = np.linalg.svd(matrix, compute_uv=False)
     return int(np.sum(sizes > tolerance * sizes[0]))
 
 
 # Speed models: an ellipsoid of velocities at every position.
+
+
+Roots: TypeAlias = tuple[Float[np.ndarray, "*batch task task"], Float[np.ndarray, "*batch task task variables"]]
 
 
 @runtime_checkable
@@ -157,10 +148,23 @@ class SpeedModel(Protocol):
     @property
     def upper(self) -> Float[np.ndarray, " task"]: ...  # noqa: D102
 
-    def roots(
-        self, positions: Float[np.ndarray, "*batch task"]
-    ) -> tuple[Float[np.ndarray, "*batch task task"], Float[np.ndarray, "*batch task task task"]]:
+    def roots(self, positions: Float[np.ndarray, "*batch task"]) -> Roots:
         """Return R(p) [s/m] and ∂R/∂p [s/m²], the coordinate of p last."""
+
+
+def speeds_along(
+    roots: Float[np.ndarray, "*batch task task"], directions: Float[np.ndarray, "directions task"]
+) -> Float[np.ndarray, "*batch directions"]:
+    """Return 1 / ‖R d‖ [m/s], the largest speeds along unit vectors d."""
+    speeds: np.ndarray = 1.0 / np.linalg.norm(directions @ roots, axis=-1)
+    return speeds
+
+
+def model_speeds(
+    model: SpeedModel, positions: Float[np.ndarray, "*batch task"], directions: Float[np.ndarray, "directions task"]
+) -> Float[np.ndarray, "*batch directions"]:
+    """Return the largest speeds [m/s] at positions along unit vectors; raises InvalidInput as ``roots`` does."""
+    return speeds_along(model.roots(positions)[0], directions)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -181,18 +185,12 @@ class PolynomialEllipsoids:
     __repr__ = field_representation
     _repr_html_ = html_representation
 
-    def roots(
-        self, positions: Float[np.ndarray, "*batch task"]
-    ) -> tuple[Float[np.ndarray, "*batch task task"], Float[np.ndarray, "*batch task task task"]]:
+    speeds = model_speeds
+
+    def roots(self, positions: Float[np.ndarray, "*batch task"]) -> Roots:
         """Return R = Q^(1/2) / s [s/m] and ∂R/∂p [s/m²], the coordinate of p last."""
         values, gradients = self.polynomials(positions)
         return (planar_roots if len(self.lower) == 2 else spectral_roots)(values, gradients)
-
-    def speeds(
-        self, positions: Float[np.ndarray, "*batch task"], directions: Float[np.ndarray, "directions task"]
-    ) -> Float[np.ndarray, "*batch directions"]:
-        """Return the largest speeds [m/s] at positions along unit vectors."""
-        return speeds_along(self.roots(positions)[0], directions)
 
     def scaled(self, factor: float) -> PolynomialEllipsoids:
         """Return the model with all speeds times a factor."""
@@ -219,9 +217,9 @@ class AxesEllipses:
     __repr__ = field_representation
     _repr_html_ = html_representation
 
-    def roots(
-        self, positions: Float[np.ndarray, "*batch 2"]
-    ) -> tuple[Float[np.ndarray, "*batch 2 2"], Float[np.ndarray, "*batch 2 2 2"]]:
+    speeds = model_speeds
+
+    def roots(self, positions: Float[np.ndarray, "*batch 2"]) -> Roots:
         """Return R [s/m] and ∂R/∂p [s/m²], the coordinate of p last.
 
         Raises InvalidInput, naming the position, if a radius is not positive.
@@ -246,28 +244,13 @@ class AxesEllipses:
             + 2 * (difference * derivative)[..., None] * gradients[..., 2, :][..., None, None, :]
         )
 
-    def speeds(
-        self, positions: Float[np.ndarray, "*batch 2"], directions: Float[np.ndarray, "directions 2"]
-    ) -> Float[np.ndarray, "*batch directions"]:
-        """Return the largest speeds [m/s] at positions along unit vectors. Raises InvalidInput as ``roots`` does."""
-        return speeds_along(self.roots(positions)[0], directions)
-
-
-def speeds_along(
-    roots: Float[np.ndarray, "*batch task task"], directions: Float[np.ndarray, "directions task"]
-) -> Float[np.ndarray, "*batch directions"]:
-    """Return 1 / ‖R d‖ [m/s], the largest speeds along unit vectors d."""
-    speeds: np.ndarray = 1.0 / np.linalg.norm(directions @ roots, axis=-1)
-    return speeds
-
 
 def spectral_roots(
     values: Float[np.ndarray, "*batch columns"], gradients: Float[np.ndarray, "*batch columns variables"]
-) -> tuple[Float[np.ndarray, "*batch task task"], Float[np.ndarray, "*batch task task variables"]]:
-    """Return R = Q^(1/2) / s and its derivatives.
+) -> Roots:
+    """Return R = Q^(1/2) / s and its derivatives, from log s and the upper triangle of Q.
 
-    They follow from log s and the upper triangle of Q, with derivatives. Not finite if Q is not positive definite.
-    Source: Higham, Functions of Matrices, theorem 3.11.
+    Not finite if Q is not positive definite. Source: Higham, Functions of Matrices, theorem 3.11.
     """
     place = upper_triangle(values.shape[-1] - 1)
     eigenvalues, vectors = np.linalg.eigh(values[..., 1:][..., place])
@@ -283,9 +266,7 @@ def spectral_roots(
     return slowness * root, slowness[..., None] * (change - root[..., None] * gradients[..., None, :1, :])
 
 
-def planar_roots(
-    values: Float[np.ndarray, "*batch 4"], gradients: Float[np.ndarray, "*batch 4 variables"]
-) -> tuple[Float[np.ndarray, "*batch 2 2"], Float[np.ndarray, "*batch 2 2 variables"]]:
+def planar_roots(values: Float[np.ndarray, "*batch 4"], gradients: Float[np.ndarray, "*batch 4 variables"]) -> Roots:
     """Return the result of ``spectral_roots`` in closed form, in the plane.
 
     Q^(1/2) = (Q + δ I) / t, δ² = det Q, t² = tr Q + 2 δ. Source: Levinger 1980, The square root of a 2 × 2 matrix.
@@ -306,10 +287,7 @@ def planar_roots(
 
 
 def upper_triangle(parts: int) -> Int[np.ndarray, "task task"]:
-    """Return indices of a symmetric matrix's entries in its upper triangle.
-
-    The upper triangle includes the diagonal.
-    """
+    """Return the indices of a symmetric matrix's entries in its upper triangle, diagonal included."""
     task = int((np.sqrt(8 * parts + 1) - 1) / 2)
     place = np.zeros((task, task), dtype=int)
     place[np.triu_indices(task)] = np.arange(parts)

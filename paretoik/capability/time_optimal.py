@@ -15,14 +15,15 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.capability.geodesic import (
+    PathQuery,
     check_ends,
     check_inside,
     evaluate_roots,
     fastest_path,
     linearise_pieces,
     path_time,
+    run_path,
 )
-from paretoik.capability.path_runs import PathQuery, run_path
 from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.inputs import ArrayLike, check_choice, check_size, finite_array
@@ -72,17 +73,14 @@ class Plan:
 
 
 class Planner:
-    """Plans of the least claimed time for one model.
+    """Plans of the least claimed time for one model, in ``horizon`` pieces.
 
-    Plans have ``horizon`` pieces; the cone program is built once. The unknowns are the points between the pieces and
-    the intervals. The velocity limit ‖R v‖ ≤ 1 is linearised around the last path, again and again, which gives
-    second-order cone programs; each step goes as far as the true time falls.
+    The unknowns are the points between the pieces and the intervals. The velocity limit ‖R v‖ ≤ 1 is linearised around
+    the last path, again and again, within a trust region: these are second-order cone programs.
 
     Source: Kim, Choi & Jang 2021, Eq. 6; the formulation "printed" is that equation to the letter. There every piece
     has an interval of its own and its limit at its beginning: one long piece from a place at which the tool is quick
     jumps over all slow places. With "midpoint" the pieces have one common interval and their limit in the middle.
-
-    Raises InvalidInput for a horizon below 1.
     """
 
     def __init__(self, model: SpeedModel, *, horizon: int, formulation: Formulation) -> None:
@@ -96,10 +94,7 @@ class Planner:
         return fastest_path(self.model, start, target, intervals=self.horizon).points
 
     def shift(self, plan: Plan, position: Float[np.ndarray, " task"], period: float) -> np.ndarray:
-        """Return initial points (pieces + 1, task) of the next plan.
-
-        They are the rest of the last plan after a period.
-        """
+        """Return initial points (pieces + 1, task) of the next plan: the rest of the last after a period."""
         count = self.horizon
         done = period / max(float(plan.intervals[0]), period)  # share of the first piece
         remaining = done + (1 - done / count) * np.arange(count)
@@ -109,24 +104,20 @@ class Planner:
     def plan(self, points: Float[np.ndarray, "points task"]) -> Plan:
         """Return the best plan near ``points``; the first and the last point stay fixed.
 
-        Raises SolverFailed if the iterations do not converge, or Clarabel finds no solution.
+        Raises SolverFailed if the iterations do not converge, or Clarabel finds no solution. Source: Fletcher 1982, A
+        model algorithm for composite nondifferentiable optimization problems.
         """
         pieces = linearise_pieces(self.model, points, self._place)
         intervals, iterations = self._intervals(pieces), 0
-        if self._solver is not None and intervals.any():
-            points, intervals, iterations = self._improve(self._solver, points, pieces)
-        return Plan(points=points, intervals=intervals, velocity=self._velocity(points), iterations=iterations)
-
-    def _improve(
-        self, solver: IntervalSolver, points: np.ndarray, pieces: Pieces
-    ) -> tuple[np.ndarray, np.ndarray, int]:
-        """Return points, intervals and the number of iterations.
-
-        Source: Fletcher 1982, a model algorithm for composite nondifferentiable optimization problems.
-        """
-        intervals = self._intervals(pieces)
+        settled = not intervals.any()
         radius = OPTIONS.radius * float(np.abs(points[-1] - points[0]).max())
-        for count in range(1, OPTIONS.iterations + 1):
+        while (solver := self._solver) is not None and not settled:
+            if iterations == OPTIONS.iterations:
+                where = " ".join(f"{number:.6g}" for number in points[0])
+                raise SolverFailed(
+                    f"plan from [{where}] m: must settle within {OPTIONS.iterations} iterations, it still moves"
+                )
+            iterations += 1
             inner, now = points[1:-1], float(intervals.sum())
             lower = np.clip(self.model.lower - inner, -radius, 0.0)
             upper = np.clip(self.model.upper - inner, 0.0, radius)
@@ -138,34 +129,25 @@ class Planner:
             if actual > 0.1 * predicted:
                 points, pieces, intervals = trial, trial_pieces, self._intervals(trial_pieces)
             farthest = float(np.abs(solution.moves).max())
-            if predicted <= OPTIONS.time_tolerance * now or (
+            settled = predicted <= OPTIONS.time_tolerance * now or (
                 abs(predicted - actual) <= OPTIONS.time_tolerance * now and farthest < 0.99 * radius
-            ):
-                return points, intervals, count
+            )
             if actual < 0.25 * predicted:
                 radius = farthest / 2
             elif actual > 0.75 * predicted and farthest > 0.99 * radius:
                 radius *= 2
-        where = " ".join(f"{number:.6g}" for number in points[0])
-        raise SolverFailed(f"plan from [{where}] m: must settle within {OPTIONS.iterations} iterations, it still moves")
+        # The velocity along the first piece with a length, at the limit at the plan's beginning: a plan with limits in
+        # the middle begins as fast as it may be half a piece later, but a command must satisfy the limit now.
+        change, velocity = points[1:] - points[:-1], np.zeros(points.shape[1])
+        far = np.abs(change).max(axis=1) > 1e-6 * np.abs(points - points[0]).max()
+        if far.any():
+            along = change[int(np.argmax(far))]
+            velocity = along / np.linalg.norm(evaluate_roots(self.model, points[:1])[0][0] @ along)
+        return Plan(points=points, intervals=intervals, velocity=velocity, iterations=iterations)
 
     def _intervals(self, pieces: Pieces) -> Float[np.ndarray, " pieces"]:
         times: np.ndarray = np.linalg.norm(pieces.values, axis=1)
         return np.full_like(times, times.max()) if self._common else times
-
-    def _velocity(self, points: np.ndarray) -> Float[np.ndarray, " task"]:
-        """Return the velocity along the first piece with a length.
-
-        It is at the limit at the plan's beginning. A plan with limits in the middle begins as fast as it may be half a
-        piece later; a command must satisfy the limit now.
-        """
-        change = points[1:] - points[:-1]
-        far = np.abs(change).max(axis=1) > 1e-6 * np.abs(points - points[0]).max()
-        if not far.any():
-            return np.zeros(points.shape[1])
-        along = change[int(np.argmax(far))]
-        velocity: np.ndarray = along / np.linalg.norm(evaluate_roots(self.model, points[:1])[0][0] @ along)
-        return velocity
 
 
 # The control loop: it plans in every period.
@@ -173,7 +155,7 @@ class Planner:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TimeOptimalRun:
-    """Result of time-optimal control, sample by sample, one period apart.
+    """Result of time-optimal control, in samples one period apart.
 
     times: times (n,) of the samples [s]
     references: references (n, task) of the tool [m]
@@ -246,7 +228,7 @@ def time_optimal_control(
     Raises InvalidInput for positions that are not finite or outside the model's box, a horizon below 1, a period or
     tolerance not above 0, a gain outside (0, 1 / period], an unknown formulation, and a model that is not finite
     somewhere; SolverFailed if a plan does not converge, or the reference has not arrived after ten times the straight
-    line's time.
+    line's time, or the tool stands still.
     """
     check_model(model)
     check_choice("formulation", formulation, get_args(Formulation))
@@ -294,10 +276,7 @@ def time_optimal_control(
 def _reference(
     planner: Planner, start: np.ndarray, target: np.ndarray, period: float, *, time_limit: float = 10.0
 ) -> tuple[np.ndarray, list[Plan], list[float]]:
-    """Return references (periods + 1, task), plans and computing times [s].
-
-    References lead from start to target. A reference fails after ``time_limit`` times the straight line's time.
-    """
+    """Return references (periods + 1, task) from start to target, plans and computing times [s]."""
     model, points = planner.model, [start]
     latest = time_limit * path_time(model, np.stack([start, target])) + period
     plans, seconds = list[Plan](), list[float]()

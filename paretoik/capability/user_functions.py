@@ -39,10 +39,7 @@ ORDERS = ("q", "dq", "ddq", "jerk")  # fields of Motion by which functions are t
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Term:
-    """``factor`` times a user's function, minimised or bounded.
-
-    The function is bounded if ``upper`` is finite.
-    """
+    """``factor`` times a user's function, minimised, or bounded if ``upper`` is finite."""
 
     label: str
     function: Callable[[Any], Any]
@@ -63,7 +60,7 @@ def objective_term(objective: Objective, unit: float) -> Term:
 
 
 def constraint_terms(constraint: Constraint) -> list[Term]:
-    """Return the sides of a constraint, divided by its scale."""
+    """Return the finite sides of a constraint, divided by its scale."""
     label, size = f"constraint {constraint.name}", constraint.scale
     return [
         Term(label=label, function=constraint.function, form=constraint.form, factor=sign / size, upper=bound / size)
@@ -76,11 +73,14 @@ def constraint_terms(constraint: Constraint) -> list[Term]:
 class SmoothTerm:
     """A term of a program on its own tape.
 
-    It has one value per sample (``local``), one for a whole motion, or one per peak. The tape's inputs are, in order:
-    ``inputs`` positions and rates, with the intervals of motions that have times of their own (for one sample: the
-    duration); ``parameters`` (samples, count), numbers that differ from sample to sample; epigraph variables, in
-    ``units``. ``evaluator`` gives the values, and the kinks of these variables. ``orders`` is the number of derivatives
-    of positions, ``reads_duration`` whether the value at one sample depends on the duration.
+    local: whether the term is traced at one sample; else for the whole motion, with one value, or a peak's per sample
+    inputs: number of positions and rates, with the intervals of motions that have times of their own (for one sample:
+        the duration); the first inputs of the tape
+    parameters: next inputs of the tape, numbers (samples, count) that differ from sample to sample
+    units: units of the epigraph variables, the last inputs of the tape
+    evaluator: values, and kinks of the epigraph variables
+    orders: number of derivatives of positions that are read
+    reads_duration: whether the value at one sample depends on the duration
     """
 
     term: Term
@@ -102,10 +102,7 @@ class SmoothTerm:
     def rows(
         self, inputs: Sequence[Any], parameters: Sequence[Any], variables: Sequence[Any]
     ) -> tuple[list[Any], list[Any]]:
-        """Return the values, and the slacks (≥ 0) of epigraph variables.
-
-        They are expressions on another tape.
-        """
+        """Return the values, and the slacks (≥ 0) of epigraph variables, as expressions on another tape."""
         tape, smooth = self.motion.trace.tape, self.reformulation
         scaled = [variable * float(unit) for variable, unit in zip(variables, self.units, strict=True)]
         stand_ins = [*inputs, *parameters, *scaled]
@@ -118,11 +115,7 @@ class SmoothTerm:
         return entries[:count], [tie / size for tie, size in zip(entries[count:], ranges, strict=True)]
 
     def evaluate(self, motions: Motion) -> tuple[np.ndarray, np.ndarray]:
-        """Return values (points, lanes, values) and epigraph variables.
-
-        There is one lane per sample if the term is local, else one. Epigraph variables are (points, lanes, variables),
-        in their units.
-        """
+        """Return values (points, lanes, values) and epigraph variables (points, lanes, variables) in their units."""
         columns = _columns(motions, self.inputs, self.parameters, self.local)
         table = self.evaluator(_pad(columns, self.motion))
         lanes = table.T.reshape(len(motions), -1, len(table))
@@ -133,13 +126,21 @@ class SmoothTerm:
 def smooth_term(
     term: Term, task: MotionTask, near: Motion, *, own_times: bool, probes: int = 64, seed: int = 0
 ) -> SmoothTerm:
-    """Return a term for motions like those ``near``.
+    """Return a term for motions (points, time, dof) like those ``near``, which give the size of numbers.
 
-    The motions ``near`` (points, time, dof) give the size of the term's numbers. Motions are those of ``task``, or,
-    with ``own_times``, of its arm only. Kinks are searched for at ``probes`` points around them. Raises InvalidInput,
-    naming the function, if it has no derivative.
+    Motions are those of ``task``, or, with ``own_times``, of its arm only. Kinks are searched for at ``probes`` points
+    around them. Raises InvalidInput, naming the function, if it has no derivative.
     """
-    motion, values = _trace(term, task, own_times)
+    value = None
+    if own_times and term.form in ("integral", "peak"):  # at one sample, if possible
+        motion = trace_sample(task, own_times=True)
+        value = trace_sample_function(motion, term.label, term.function)
+    values = [] if value is None else [value]
+    if value is None:
+        motion = trace_motion(task, own_times=own_times)
+        values = trace_motion_function(motion, term.label, term.function, term.form)
+        if term.form == "integral":
+            values = [motion.integral(TracedArray(motion.trace, np.array(values, dtype=object))).entries]
     tape, local = motion.trace.tape, motion.trace.samples is not None
     outputs = [as_entry(tape, term.factor * value) for value in values]
     parameters = np.array(list(motion.trace.parameters.values())).reshape(-1, len(task.times) if local else 1).T
@@ -170,28 +171,8 @@ def smooth_term(
     )
 
 
-def _trace(term: Term, task: MotionTask, own_times: bool) -> tuple[TracedMotion, list[Any]]:
-    """Return the traced motion of a term, and the term's values.
-
-    The motion has one sample if possible.
-    """
-    if own_times and term.form in ("integral", "peak"):
-        motion = trace_sample(task, own_times=True)
-        value = trace_sample_function(motion, term.label, term.function)
-        if value is not None:
-            return motion, [value]
-    motion = trace_motion(task, own_times=own_times)
-    values = trace_motion_function(motion, term.label, term.function, term.form)
-    if term.form == "integral":
-        values = [motion.integral(TracedArray(motion.trace, np.array(values, dtype=object))).entries]
-    return motion, values
-
-
 def _columns(motions: Motion, inputs: int, parameters: np.ndarray, local: bool) -> Float[np.ndarray, "inputs lanes"]:
-    """Return inputs and parameters of motions (points, time, dof).
-
-    If ``local``, lanes are sample by sample.
-    """
+    """Return inputs and parameters of motions (points, time, dof), sample by sample if ``local``."""
     points, samples = motions.q.shape[:2]
     orders = np.stack([getattr(motions, name) for name in ORDERS], axis=2 if local else 1)
     if local:
@@ -215,10 +196,7 @@ Inputs = Callable[[list[Any], list[Any]], tuple[list[Any], Any]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lanes:
-    """Samples of a motion, or the whole motion.
-
-    A term has ``inputs`` that depend on the unknowns ``where`` of a program, and parameters.
-    """
+    """Samples of a motion, or a whole one: ``inputs`` of a term depend on the unknowns ``where`` and parameters."""
 
     where: Int[np.ndarray, "lanes unknowns"]
     parameters: Float[np.ndarray, "lanes parameters"]
@@ -231,11 +209,10 @@ LanesOf = Callable[[SmoothTerm, list[int]], list[Lanes]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TermRows:
-    """Terms of motions of ``samples`` samples.
+    """Terms of motions of ``samples`` samples, whose unknowns come after the ``first`` of a program.
 
-    The unknowns of terms come after the ``first`` unknowns of a program. ``intervals`` are the indices of unknowns for
-    intervals, in units of ``pace`` [s]; none if times are fixed. Their mean is an unknown too if a term at one sample
-    reads the duration.
+    ``intervals`` are the indices of unknowns for intervals, in units of ``pace`` [s]; none if times are fixed. Their
+    mean is an unknown too if a term at one sample reads the duration.
     """
 
     terms: tuple[SmoothTerm, ...]
@@ -250,18 +227,12 @@ class TermRows:
         return any(term.reads_duration for term in self.terms)
 
     def lanes(self, term: SmoothTerm) -> list[int]:
-        """Return the samples of a term's lanes.
-
-        A sum has no lane for the first sample, which has no interval.
-        """
+        """Return the samples of a term's lanes; a sum has none for the first sample, which has no interval."""
         return list(range(int(term.is_sum), self.samples if term.local else 1))
 
     @cached_property
     def places(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Unknowns of every term: tops, and epigraph variables of kinks.
-
-        Tops are epigraph variables of the value; variables of kinks are (lanes, variables).
-        """
+        """Unknowns of every term: tops, and epigraph variables of kinks (lanes, variables)."""
         places, end = list[tuple[np.ndarray, np.ndarray]](), self.first + self.reads_duration
         for term in self.terms:
             lanes = len(self.lanes(term))
@@ -304,7 +275,7 @@ class TermRows:
         return np.concatenate(columns, axis=1) if columns else np.zeros((len(motions), 0))
 
     def parts(self, lanes_of: LanesOf) -> tuple[Part, ...]:
-        """Return the rows."""
+        """Return the rows of all terms."""
         parts, none = list[Part](), np.zeros((1, 0))
         if self.reads_duration:
             count, where = len(self.intervals), np.append(self.intervals, self.first)[None]
@@ -326,10 +297,7 @@ class TermRows:
         return tuple(parts)
 
     def _part(self, term: SmoothTerm, lanes: Lanes, unknowns: np.ndarray, numbers: np.ndarray) -> Part:
-        """Return the rows of a term in lanes, with its own ``unknowns``.
-
-        These are epigraph variables, then the mean interval and a top if it has them.
-        """
+        """Return the rows of a term in lanes, with its own ``unknowns``: epigraph variables, mean interval, top."""
         size, width, end = lanes.where.shape[1], lanes.parameters.shape[1], lanes.where.shape[1] + len(term.units)
         has_top = unknowns.shape[1] > len(term.units) + term.reads_duration
 

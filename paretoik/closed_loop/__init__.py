@@ -1,4 +1,1 @@
-"""The closed loop of Marcos et al. 2012.
-
-It has the control step, its compiled search, the loop, and the exact step.
-"""
+"""The closed loop of Marcos et al. 2012. It has the control step, its compiled search, the loop, and the exact step."""

@@ -22,9 +22,8 @@ def evaluate_distances(obstacles, nodes, count, distances):
     """Write the distances of the arm from obstacles in ``count`` configurations.
 
     A distance is at most 0 if the arm meets an obstacle. If it is not positive, some point of the arm is at least that
-    deep in an obstacle.
-
-    ``obstacles`` is the result of ``tabulate``; ``nodes`` (3 · nodes, count) are x, y and z of each node in order.
+    deep in an obstacle. ``obstacles`` is the result of ``tabulate``; ``nodes`` (3 · nodes, count) are x, y and z of
+    each node in order.
     """
     for k in range(count):
         distances[k] = np.inf
@@ -34,14 +33,8 @@ def evaluate_distances(obstacles, nodes, count, distances):
             if obstacle[KIND] == POINT:
                 x, y, flat = obstacle[FIRST], obstacle[FIRST + 1], obstacle[AXES + 8]
                 z, radius = flat * obstacle[FIRST + 2], obstacle[RADIUS]
-                x0, y0, z0, x1, y1, z1 = (
-                    nodes[row],
-                    nodes[row + 1],
-                    nodes[row + 2],
-                    nodes[row + 3],
-                    nodes[row + 4],
-                    nodes[row + 5],
-                )
+                x0, y0, z0 = nodes[row], nodes[row + 1], nodes[row + 2]
+                x1, y1, z1 = nodes[row + 3], nodes[row + 4], nodes[row + 5]
                 for k in range(count):
                     ax, ay, az = x0[k], y0[k], flat * z0[k]
                     dx, dy, dz = x1[k] - ax, y1[k] - ay, flat * z1[k] - az
@@ -72,10 +65,7 @@ def _squared_distance(px, py, pz, ax, ay, az, dx, dy, dz):
 
 @compiled
 def _to_segment(segment, nodes, row, count, distances):
-    """Write the distance from a segment.
-
-    The nearest place is an end of one segment, or the nearest places of both lines are within the segments.
-    """
+    """Write the distance from a segment: nearest are an end of one, or places of both lines within the segments."""
     sx, sy, sz, radius = segment[FIRST], segment[FIRST + 1], segment[FIRST + 2], segment[RADIUS]
     ex, ey, ez = segment[SECOND] - sx, segment[SECOND + 1] - sy, segment[SECOND + 2] - sz
     x0, y0, z0, x1, y1, z1 = nodes[row], nodes[row + 1], nodes[row + 2], nodes[row + 3], nodes[row + 4], nodes[row + 5]
@@ -115,10 +105,7 @@ def _slope(fraction, start, step, half):
 
 @compiled
 def _narrow(bracket, fraction, start, step, half):
-    """Return the bracket of a segment's nearest place, narrowed at a fraction.
-
-    The bracket has the slopes at its ends.
-    """
+    """Return the bracket of a segment's nearest place, with slopes at its ends, narrowed at a fraction."""
     low, low_slope, high, high_slope = bracket
     slope = _slope(fraction, start, step, half)
     falls, rises = (slope <= 0.0) & (fraction > low), (slope >= 0.0) & (fraction < high)
@@ -131,8 +118,7 @@ def _narrow(bracket, fraction, start, step, half):
 def _to_box(box, nodes, row, count, distances):
     """Write the distance from a box.
 
-    At the nearest place the derivative of the squared distance is zero; the derivative is linear between the box's
-    planes.
+    At the nearest place the derivative of the squared distance is zero; it is linear between the box's planes.
     """
     half = hx, hy, hz = box[SECOND], box[SECOND + 1], box[SECOND + 2]
     cx, cy, cz = box[FIRST], box[FIRST + 1], box[FIRST + 2]
@@ -171,10 +157,7 @@ def _to_box(box, nodes, row, count, distances):
 
 @compiled
 def clearance_at_start(start, constraints, w):
-    """Return the clearance before a step, beyond the required distance.
-
-    It is inf without obstacles.
-    """
+    """Return the clearance before a step, beyond the required distance; inf without obstacles."""
     if constraints.obstacles.shape[0] == 0:
         return np.inf
     for j in range(start.previous.shape[0]):
@@ -186,10 +169,7 @@ def clearance_at_start(start, constraints, w):
 
 @compiled
 def _evaluate_excess(obstacles, required, count, w):
-    """Write the clearances of configurations, beyond the required distance.
-
-    The configurations are the first ``count`` in ``w.nodes``.
-    """
+    """Write the clearances of the first ``count`` in ``w.nodes``, beyond the required distance."""
     evaluate_distances(obstacles, w.nodes, count, w.distances)
     for k in range(count):
         w.distances[k] -= required
@@ -197,10 +177,7 @@ def _evaluate_excess(obstacles, required, count, w):
 
 @compiled
 def shorten(genes, positions, count, start, constraints, w):
-    """Scale down the self-motion of steps that exceed joint bounds.
-
-    The genes are changed to match.
-    """
+    """Scale down the self-motion of steps that exceed joint bounds, and change their genes to match."""
     if not constraints.bounded:
         return
     scale, shortened = w.scale[:count], np.int64(0)
@@ -235,10 +212,9 @@ def shorten(genes, positions, count, start, constraints, w):
 
 @compiled
 def find_inadmissible(count, start, constraints, clearance, options, w):
-    """Move inadmissible pending steps to the front of ``w.pending``.
+    """Move inadmissible pending steps to the front of ``w.pending``; return their number.
 
-    Returns the number of these steps. ``clearance`` is the result of ``clearance_at_start``. Balls around the obstacles
-    are tested first.
+    ``clearance`` is the result of ``clearance_at_start``. Balls around the obstacles are tested first.
     """
     # pending steps beyond their bounds are rejected; those that may meet an obstacle become candidates
     rejected, near, n = 0, 0, start.previous.shape[0]
@@ -292,10 +268,10 @@ def find_inadmissible(count, start, constraints, clearance, options, w):
 
 @compiled
 def _sweep(count, start, clearance, constraints, options, w):
-    """Mark candidates whose steps are not proven clear all the way.
+    """Make the travel of candidates negative whose steps are not proven clear all the way.
 
-    The travel of a marked candidate is negative. Intervals of steps (candidate, begin, width, distance at begin and
-    end) wait on a stack. An interval is halved if the distances at its ends do not prove it clear.
+    Intervals of steps (candidate, begin, width, distance at begin and end) wait on a stack. An interval is halved if
+    the distances at its ends do not prove it clear.
     """
     intervals = w.intervals
     waiting = count

@@ -1,7 +1,4 @@
-"""One control step: start, target, and decoding of genes.
-
-Source: Marcos et al. 2012, section 4.1.
-"""
+"""One control step: start, target, and decoding of genes. Source: Marcos et al. 2012, section 4.1."""
 
 from __future__ import annotations
 
@@ -75,18 +72,14 @@ class StepState:
         return bool(np.isfinite([self.lower, self.upper]).any())
 
     def linearise(self) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows dof"]]:
-        """Return (Δx, J): tool error and Jacobian before the step.
-
-        Source: Eqs. 8 and 9.
-        """
+        """Return (Δx, J): tool error and Jacobian before the step. Source: Eqs. 8 and 9."""
         return task_errors(self.task.arm, self.task.tasks, self.previous, self.target)
 
     @cached_property
     def shortest_and_null_space(self) -> tuple[Float[np.ndarray, " dof"], Float[np.ndarray, "dof redundancy"]]:
-        """Shortest step that makes Δx, and null space of the Jacobian.
+        """Shortest step that makes Δx, and null space of the Jacobian, before the step.
 
-        Both are at the joint positions before the step. Raises Infeasible if the arm is singular: no finite step makes
-        every Δx there.
+        Raises Infeasible if the arm is singular: no finite step makes every Δx there.
         """
         error, jacobian = self.linearise()
         left, sizes, right = np.linalg.svd(jacobian)
@@ -99,10 +92,9 @@ class StepState:
         return shortest, np.ascontiguousarray(right[len(error) :].T)
 
     def decode(self, genes: Genes) -> Float[np.ndarray, "points dof"]:
-        """Return the joint positions after the steps of genes.
+        """Return the joint positions after the steps of genes (J*, Δx*); NaN if the extended Jacobian is singular.
 
-        They are NaN if the extended Jacobian is singular. Genes are rows (J*, Δx*). With Δq = shortest + N y, the
-        system of Eqs. 7, 12 and 13 reduces to J* N y = Δx* − J* shortest.
+        With Δq = shortest + N y, the system of Eqs. 7, 12 and 13 reduces to J* N y = Δx* − J* shortest.
         """
         shortest, null_space = self.shortest_and_null_space
         n, r = null_space.shape
@@ -114,10 +106,7 @@ class StepState:
         return base + np.linalg.solve(matrix, rhs[..., None])[..., 0] @ null_space.T
 
     def shorten(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, "points dof"]:
-        """Return steps with self-motion reduced until joints are within bounds.
-
-        The result is joint positions. The part of the step that reaches the target is not shortened.
-        """
+        """Return the joint positions of steps with self-motion reduced until joints are within bounds."""
         shortest, _ = self.shortest_and_null_space
         self_motion = np.nan_to_num(q - self.previous - shortest)
         outside = (shortest + self_motion < self.lower) | (shortest + self_motion > self.upper)
@@ -154,10 +143,7 @@ class StepState:
         return (self.excess_over_bounds(q) <= 0) & (self.clearance_left(q) > 0)
 
     def excess_over_bounds(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, " points"]:
-        """Return the largest excess [rad, m] over the bounds of joints' moves.
-
-        The excess is not positive if a step is within its bounds.
-        """
+        """Return the largest excess [rad, m] over the bounds of joints' moves, not positive within."""
         moved = q - self.previous
         return np.maximum(moved - self.upper, self.lower - moved).max(axis=1) - OPTIONS.bound_tolerance
 
@@ -198,11 +184,10 @@ def rotation_rows(task: MotionTask) -> Bool[np.ndarray, " rows"]:
 
 
 def reach_by_joint(task: MotionTask) -> Float[np.ndarray, " dof"]:
-    """Return the largest move [m] of the arm's points per joint move.
+    """Return the largest move [m] of the arm's points per move of each joint by 1 rad or 1 m.
 
-    The joint moves by 1 rad or 1 m. No point beyond a joint is farther from it than the stretched length of all that
-    follows. A sliding joint moves its load by its own move; its largest extension adds to the length beyond the joints
-    before it.
+    No point beyond a joint is farther from it than the stretched length of all that follows. A sliding joint moves its
+    load by its own move; its largest extension adds to the length beyond the joints before it.
     """
     arm = task.arm
     offsets = [float(np.linalg.norm(place.position)) for place in (*arm.placements[1:], arm.tool)]
@@ -213,10 +198,7 @@ def reach_by_joint(task: MotionTask) -> Float[np.ndarray, " dof"]:
 
 
 def excess_clearance(task: MotionTask, q: Float[np.ndarray, "*batch dof"]) -> Float[np.ndarray, "*batch"]:
-    """Return the clearance [m] of configurations beyond the required one.
-
-    It is inf without obstacles.
-    """
+    """Return the clearance [m] of configurations beyond the required one; inf without obstacles."""
     if not task.obstacles:
         return np.full(q.shape[:-1], np.inf)
     return np.asarray(clearance(task.obstacles, link_nodes(task.arm, q), task.link_radius) - task.min_clearance)

@@ -1,6 +1,4 @@
-"""The compiled search of a control step: NSGA-II with MaxiMin.
-
-It searches the genes of the extended Jacobian.
+"""The compiled search of a control step's extended Jacobian: NSGA-II with MaxiMin.
 
 Every seed and step has its own random stream. Objectives and distances are evaluators, so that arms, objectives and
 obstacles of all kinds run through the same code. Source: Marcos et al. 2012, section 4.1.
@@ -29,11 +27,11 @@ from paretoik.search.sorted_points import first_front, locate, merge_children, r
 
 @compiled
 def decode(genes, count, start, systems, q):
-    """Write the joint positions (dof, batch) of ``count`` chromosomes (genes, batch).
+    """Write the joint positions (dof, batch) of ``count`` chromosomes (genes, batch). Source: Eqs. 7, 12 and 13.
 
-    Source: Eqs. 7, 12 and 13. A step that makes Δx is Δq = particular + N y, with N the null space of the Jacobian. The
-    rows J* Δq = Δx* of the extended Jacobian reduce to J* N y = Δx* − J* particular, a system of the size of the
-    redundancy. ``systems`` contains the matrix and the right-hand side of each, entry by entry.
+    A step that makes Δx is Δq = particular + N y, with N the null space of the Jacobian. The rows J* Δq = Δx* of the
+    extended Jacobian reduce to J* N y = Δx* − J* particular, a system of the size of the redundancy. ``systems``
+    contains the matrix and the right-hand side of each, entry by entry.
     """
     previous, particular, null_space = start.previous, start.particular, start.null_space
     n, r = null_space.shape
@@ -60,10 +58,7 @@ def decode(genes, count, start, systems, q):
 
 @compiled
 def _weighted_sum(genes, row, weights, rows, count, result):
-    """Write the weighted sum of ``rows`` rows of genes.
-
-    Rows are read before the loops, so that loops use vector instructions.
-    """
+    """Write the weighted sum of ``rows`` rows of genes, read before the loops, for vector instructions."""
     i = 0
     if rows >= 3:
         a, b, c = weights[0], weights[1], weights[2]
@@ -124,10 +119,10 @@ def _solve(systems, r, count):
 
 @compiled(what="the search of a control step", seconds=15)
 def search(seed, step, generations, options, start, objectives, constraints, workspace, warm_start, history):
-    """Search one step; return the number of individuals without failure.
+    """Search one step; return the number of individuals of the last population without failure.
 
-    They are counted in the last population. The arguments are those of ``programs.py``. A ``warm_start`` begins with
-    the population in the workspace. The ``history`` stores as many generations as it has room for.
+    The arguments are those of ``programs.py``. A ``warm_start`` begins with the population in the workspace. The
+    ``history`` stores as many generations as it has room for.
     """
     options, start, objectives = refer(options), refer(start), refer(objectives)
     constraints, w = refer(constraints), refer(workspace)
@@ -169,10 +164,10 @@ def search(seed, step, generations, options, start, objectives, constraints, wor
 
 @compiled
 def evaluate(start, options, objectives, constraints, clearance, count, w, replaces, single_rank):
-    """Write the objectives of ``count`` children.
+    """Write the objectives of ``count`` children; inadmissible ones fail, or are drawn again if ``replaces``.
 
-    Inadmissible children fail, or are drawn again if ``replaces``. The test whether the whole step is clear takes long.
-    If all parents have rank one (``single_rank``), children that a parent dominates are not tested.
+    The test whether the whole step is clear takes long. If all parents have rank one (``single_rank``), children that a
+    parent dominates are not tested.
     """
     F, parents = w.F, w.order.shape[0]
     _configure(w.children, w.inputs, count, start, constraints, w)
@@ -196,20 +191,14 @@ def evaluate(start, options, objectives, constraints, clearance, count, w, repla
 
 @compiled
 def _configure(genes, q, count, start, constraints, w):
-    """Write the joint positions (dof, batch) of ``count`` chromosomes (genes, batch).
-
-    If steps exceed bounds, their genes change.
-    """
+    """Write the joint positions (dof, batch) of chromosomes, whose genes change if steps exceed bounds."""
     decode(genes, count, start, w.linear_systems, q)
     shorten(genes, q, count, start, constraints, w)
 
 
 @compiled
 def _evaluate_objectives(start, objectives, count, w):
-    """Write the objectives of children from their joint positions.
-
-    A child fails if an objective is not finite.
-    """
+    """Write the objectives of children from joint positions; a child fails if one is not finite."""
     F, inputs, outputs, parents, n = w.F, w.inputs, w.outputs, w.order.shape[0], start.previous.shape[0]
     for j in range(n):
         for order in range(1, objectives.orders):
@@ -239,10 +228,7 @@ def _fail(F, point):
 
 @compiled
 def _redraw_inadmissible(start, options, constraints, clearance, count, w):
-    """Replace inadmissible chromosomes by random ones (section 5.2).
-
-    This is repeated until all are admissible, at most ``max_redraws`` times.
-    """
+    """Replace inadmissible chromosomes by random ones (section 5.2), at most ``max_redraws`` times."""
     for _ in range(options.max_redraws):
         count = find_inadmissible(count, start, constraints, clearance, options, w)
         if count == 0:
@@ -267,12 +253,9 @@ def _replace_pending(rows, count, pending, replaced):
 
 @compiled
 def survive(w, children, single_rank):
-    """Choose the next population; return whether it has a single rank.
+    """Choose the next population from the parents and ``children`` new ones; return whether it has a single rank.
 
-    children: number of new individuals
-    single_rank: whether the parents have a single rank
-
-    With two objectives, the survivors are in order of the first objective.
+    ``single_rank`` tells whether the parents have one. With two objectives, the survivors are in order of the first.
     """
     F, order, s = w.F, w.order, w.selection
     count = order.shape[0]
@@ -324,10 +307,7 @@ def survive(w, children, single_rank):
 
 @compiled
 def _replace_parents(genes, order, children, front, rows, is_free):
-    """Make the chosen points the parents, in this order.
-
-    A chosen child takes the row of a parent that was not chosen.
-    """
+    """Make the chosen points the parents, in order; a chosen child takes the row of a parent that is not."""
     count = order.shape[0]
     for k in range(count + 1):
         is_free[k] = 1

@@ -1,7 +1,4 @@
-"""The steps of a loop: bounds, choice by weights, and failures.
-
-Source: Marcos et al. 2012, section 4.1.
-"""
+"""The steps of a loop: bounds, choice by weights, and failures. Source: Marcos et al. 2012, section 4.1."""
 
 from __future__ import annotations
 
@@ -26,10 +23,7 @@ from paretoik.task.motion_task import MotionTask
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepRecord:
-    """A step of a loop: sample, front, and index of the chosen point.
-
-    The step leads to the sample. The ``generations`` are those of the search, if they were requested.
-    """
+    """A step of a loop to a sample: its front, index of the chosen point, and generations, if requested."""
 
     sample: int
     front: Population
@@ -43,10 +37,9 @@ class StepRecord:
 
 
 def step_limits(task: MotionTask, longest: float) -> tuple[Float[np.ndarray, "time dof 2"], Bounds]:
-    """Return the bounds of joints' moves [rad, m], and the position limits.
+    """Return the bounds (time, dof, 2) of joints' moves to each sample, and position limits (1 or time, dof, 2).
 
-    The bounds are those of the step to a sample. A joint moves by ``longest`` at most, and within its velocity limits;
-    position limits are (1 or time, dof, 2).
+    A joint moves by ``longest`` [rad, m] at most, and within its velocity limits.
     """
     steps, boundless = np.diff(task.times, prepend=0.0)[:, None, None], np.full((1, task.arm.dof, 2), [-np.inf, np.inf])
     steps[0] = steps[1]
@@ -55,10 +48,7 @@ def step_limits(task: MotionTask, longest: float) -> tuple[Float[np.ndarray, "ti
 
 
 def required_standoff(task: MotionTask, longest: float) -> float:
-    """Return the extra distance [m] from obstacles at the end of steps.
-
-    It applies to steps that must be clear all the way, and is 0 for others.
-    """
+    """Return the extra distance [m] from obstacles at the end of steps that are clear all the way, else 0."""
     if not np.isfinite(longest):
         return 0.0
     return OPTIONS.shortest_interval * longest * float(reach_by_joint(task).sum())
@@ -72,10 +62,7 @@ def state_before(
     home: Float[np.ndarray, " dof"],
     longest: float,
 ) -> StepState:
-    """Return the state before the step to a sample.
-
-    The ``history`` has the last joint positions.
-    """
+    """Return the state before the step to a sample, after the ``history`` of joint positions."""
     moves, positions = step_limits(task, longest)
     room = positions[sample if len(positions) > 1 else 0] - history[-1][:, None]
     return StepState(
@@ -91,10 +78,7 @@ def state_before(
 
 
 def nondominated_rows(F: Objectives) -> Int[np.ndarray, " front"]:
-    """Return the nondominated rows without NaN.
-
-    They are in order of the first objective.
-    """
+    """Return the nondominated rows without NaN, in order of the first objective."""
     from moocore import is_nondominated
 
     valid = np.flatnonzero(~np.isnan(F).any(axis=1))
@@ -104,10 +88,7 @@ def nondominated_rows(F: Objectives) -> Int[np.ndarray, " front"]:
 
 
 def choose(F: Objectives, weights: Float[np.ndarray, " n_obj"]) -> int:
-    """Return the point with the least weighted sum of objectives.
-
-    Objectives are scaled to the range of the front. Source: Eqs. 19 and 20.
-    """
+    """Return the point with the least weighted sum of objectives, scaled to the front (Eqs. 19 and 20)."""
     ideal, width = F.min(axis=0), np.ptp(F, axis=0)
     z = np.where(width > 0, (F - ideal) / np.where(width > 0, width, 1.0), 0.0)  # Eq. 19
     return int(np.argmin(z @ weights))  # Eq. 20
@@ -128,10 +109,9 @@ def explain_no_step(step: StepState) -> str:
 
 
 def reachable_share(step: StepState, *, farthest: float = 1e3) -> tuple[float, Int[np.ndarray, " joints"]]:
-    """Return the largest share of Δx that is possible within joint bounds.
+    """Return the largest share of Δx within joint bounds, by a linear program, and the joints at their bounds.
 
-    The share follows from a linear program (Eq. 8). Also return which joints are at their bounds then. Bounds beyond
-    ``farthest`` [rad, m] are reduced to it.
+    Bounds beyond ``farthest`` [rad, m] are reduced to it. Source of Δx: Eq. 8.
     """
     error, jacobian = step.linearise()
     if not error.any():

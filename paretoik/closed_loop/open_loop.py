@@ -1,7 +1,4 @@
-"""OLGA: a genetic algorithm for start postures.
-
-The tool is at the beginning of the path. Source: Marcos et al. 2012, section 4.2.
-"""
+"""OLGA: a genetic algorithm for postures at the start of a path. Source: Marcos et al. 2012, section 4.2."""
 
 from __future__ import annotations
 
@@ -35,10 +32,9 @@ OPTIONS = OpenLoopOptions()
 
 
 class PostureWorkspace(NamedTuple):
-    """Arrays of the engine, for parents and children.
+    """Arrays of the engine, for parents and children: joint positions (dof, individuals) and values.
 
-    Joint positions are (dof, individuals). Values (2, individuals) are the violation of the clearance [m] and the task
-    error.
+    Values (2, individuals) are the violation of the clearance [m] and the task error.
     """
 
     parents: np.ndarray
@@ -52,11 +48,7 @@ class PostureWorkspace(NamedTuple):
 
 
 def search_start(task: MotionTask, *, seed: int = 0, options: OpenLoopOptions = OPTIONS) -> Float[np.ndarray, " dof"]:
-    """Return joint positions (dof,) for the start of a path, by OLGA.
-
-    The tool is near the first sample of the path. Raises Infeasible if no posture was found that is clear of the
-    obstacles.
-    """
+    """Return joint positions (dof,) at a path's start, by OLGA; raises Infeasible if obstacles are met."""
     from paretoik.closed_loop.open_loop_engine import search_posture  # imported here: numba loads slowly
 
     population = options.population
@@ -79,20 +71,16 @@ def search_start(task: MotionTask, *, seed: int = 0, options: OpenLoopOptions = 
 
 
 def posture_bounds(task: MotionTask, options: OpenLoopOptions = OPTIONS) -> Float[np.ndarray, "dof 2"]:
-    """Return the range of each joint: its limits.
-
-    If a joint has no limits, the range is two turns, as in the paper.
-    """
+    """Return the range of each joint: its limits, or without any two turns, as in the paper."""
     arm = task.arm
     widest = np.where(arm.periodic, options.largest_angle, options.largest_extension)[:, None] * [-1.0, 1.0]
     return np.where(np.isfinite(arm.position_limits), arm.position_limits, widest)
 
 
 def trace_posture(task: MotionTask) -> Evaluator:
-    """Return the evaluator of clearance violation [m] and task error.
+    """Return the evaluator of clearance violation [m] and task error of joint positions.
 
-    Its inputs are joint positions. The error is the distance from the first target [m] (Eqs. 18, 21, 22), plus the
-    angle [rad] if a task asks for one.
+    The error is the distance from the first target [m] (Eqs. 18, 21, 22), plus the angle [rad] if a task asks for one.
     """
     motion = trace_sample(task)
     tape, rotations = motion.trace.tape, rotation_rows(task)

@@ -1,7 +1,6 @@
-"""Compiled OLGA: rank weighting, crossover, mutation, elitism.
+"""Compiled OLGA: rank weighting, single-point crossover, replacement of one gene, and an elite of one.
 
-The crossover has a single point, the mutation replaces one gene, and there is one elite. Source: Marcos et al. 2012,
-section 4.2.
+Source: Marcos et al. 2012, section 4.2.
 """
 
 from __future__ import annotations
@@ -16,10 +15,9 @@ from paretoik.search.sorted_points import merge_sort
 
 @compiled(what="the search for a start posture", seconds=5)
 def search_posture(seed, options, lower, upper, evaluator, w):
-    """Search joint positions with the least task error.
+    """Search joint positions with the least task error, first in ``w.order``; return their clearance violation.
 
-    Returns the violation of the clearance of the best individual. The arguments are those of ``open_loop.py``. The best
-    individual is the first in ``w.order``.
+    The arguments are those of ``open_loop.py``.
     """
     dof, count = w.parents.shape
     seed_stream(w.state, seed, 0)
@@ -31,7 +29,6 @@ def search_posture(seed, options, lower, upper, evaluator, w):
     for _ in range(1, options.generations):
         for k in range(0, count, 2):
             # children k and k + 1 of two parents; if the number is odd, the last child has no sibling
-            dof, count = w.parents.shape
             mother, father = _select(w), _select(w)
             crosses = uniform(w.state) < options.crossover_probability
             bits = next_bits(w.state)
@@ -45,7 +42,6 @@ def search_posture(seed, options, lower, upper, evaluator, w):
                 mother, father = father, mother
         run_first(evaluator, w.children, w.child_values, count)
         # make the children the parents; the best parent replaces the worst child
-        dof, count = w.parents.shape
         best = w.order[0]
         _sort(w.child_values, w)
         worst = w.order[count - 1]
@@ -63,10 +59,7 @@ def search_posture(seed, options, lower, upper, evaluator, w):
 
 @compiled
 def _sort(values, w):
-    """Write the individuals in order, best first.
-
-    The order is by violation, then by error; NaN is worst.
-    """
+    """Write the individuals in order, by violation, then by error; NaN is worst."""
     count = w.order.shape[0]
     for k in range(count):
         w.order[k] = k
@@ -77,10 +70,9 @@ def _sort(values, w):
 
 @compiled
 def _select(w):
-    """Return an individual by rank weighting.
+    """Return an individual by rank weighting. Source: Haupt & Haupt 2004, section 2.2.4.
 
-    The k-th best of N has the probability 2 (N − k + 1) / (N (N + 1)), the first k together k (2N + 1 − k) / (N (N +
-    1)). Source: Haupt & Haupt 2004, section 2.2.4.
+    The k-th best of N has the probability 2 (N − k + 1) / (N (N + 1)), the first k have k (2N + 1 − k) / (N (N + 1)).
     """
     count = w.order.shape[0]
     b = 2.0 * count + 1.0

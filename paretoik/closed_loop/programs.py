@@ -1,10 +1,8 @@
-"""Data of the engine: obstacle table, evaluators, and workspace.
-
-The evaluators are traced from objectives and the arm.
-"""
+"""Data of the engine: table of obstacles, evaluators traced from objectives and the arm, and workspace."""
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -27,20 +25,19 @@ from paretoik.task.traced_motion import TracedMotion, trace_sample, trace_sample
 
 POINT, SEGMENT, BOX = range(3)
 KIND, RADIUS, FIRST, SECOND, AXES, COLUMNS = 0, 1, 2, 5, 8, 17
-INFINITE_SIZE = 1e30  # m: half the size of an obstacle without end
 
 
 def tabulate(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles columns"]:
-    """Return one row of numbers per obstacle.
+    """Return one row per obstacle: kind, radius, two points or a center and half sizes, and three axes.
 
-    A row has the kind, the radius, two points or a center and half sizes, and three axes. The last axis of a circle,
-    which is a cylinder in space, is 0.
+    The last axis of a circle, which is a cylinder in space, is 0.
     """
     rows = np.zeros((len(obstacles), COLUMNS))
     for row, each in zip(rows, obstacles, strict=True):
         row[AXES:] = np.eye(3).ravel()
         if isinstance(each, Box):
-            half_sizes = np.append(each.half_sizes, [INFINITE_SIZE] * (3 - len(each.half_sizes)))
+            endless = [1e30] * (3 - len(each.half_sizes))  # m: half the size along an axis without end
+            half_sizes = np.append(each.half_sizes, endless)
             row[KIND], row[FIRST : FIRST + 3], row[SECOND : SECOND + 3] = BOX, each.pose.position, half_sizes
             row[AXES:] = each.pose.rotation.T.ravel()
         elif isinstance(each, Capsule):
@@ -53,10 +50,7 @@ def tabulate(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles colu
 
 
 def bounding_ball(obstacle: Obstacle) -> Obstacle:
-    """Return a ball or circle around an obstacle.
-
-    If an obstacle has no such shape, return the obstacle itself.
-    """
+    """Return a ball or circle around an obstacle, or the obstacle itself if it has none."""
     if isinstance(obstacle, Capsule):
         half_length = float(np.linalg.norm(obstacle.end - obstacle.start)) / 2
         return Sphere((obstacle.start + obstacle.end) / 2, obstacle.radius + half_length)
@@ -79,8 +73,7 @@ class StepPrograms:
     """Evaluators of one arm, task and set of objectives, for every step.
 
     ``objectives`` takes positions, velocities, accelerations and jerks (dof rows each), then the home joint positions,
-    the target and constants; if there is only one objective, it is the output twice. The other fields are those of
-    ``StepConstraints``.
+    the target and constants; a single objective is the output twice. Others are as in ``StepConstraints``.
     """
 
     objectives: Evaluator
@@ -94,10 +87,7 @@ class StepPrograms:
 
 
 def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float) -> StepPrograms:
-    """Return the evaluators of steps of ``dt`` [s].
-
-    Raises InvalidInput, naming the objective and its fault, if an objective cannot be traced.
-    """
+    """Return the evaluators of steps of ``dt`` [s]; raises InvalidInput if an objective cannot be traced."""
     motion, dof = trace_sample(task.standing(dt * np.arange(HISTORY + 1))), task.arm.dof
     trace = motion.trace
     home, target = trace.inputs(dof), trace.inputs(task.targets.shape[1])
@@ -134,18 +124,12 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
 
 
 def traced_errors(motion: TracedMotion, task: MotionTask, target: list[Any]) -> np.ndarray:
-    """Return the task errors (rows,) of a traced sample as expressions.
-
-    The ``target`` is as in ``MotionTask.targets``.
-    """
+    """Return the task errors (rows,) of a traced sample, for a target as in ``MotionTask.targets``."""
     return np.array(path_errors(task.arm, task.tasks, list(motion.q.entries), target), dtype=object)
 
 
 def trace_nodes(task: MotionTask) -> Evaluator:
-    """Return the evaluator of the nodes' x, y and z [m].
-
-    The inputs are joint positions; the nodes are base, joints and tool in order.
-    """
+    """Return the evaluator of x, y and z [m] of base, joints and tool, from joint positions."""
     motion = trace_sample(task)
     return compile_evaluator(motion.trace.tape, [as_entry(motion.trace.tape, x) for x in motion.links.entries.ravel()])
 
@@ -164,10 +148,7 @@ class StepStart(NamedTuple):
 
 
 class ObjectiveProgram(NamedTuple):
-    """The evaluator of the objectives, and the number of derivative orders.
-
-    The number is 1 if objectives read positions only.
-    """
+    """The evaluator of the objectives, and the number of orders that they read, 1 for positions only."""
 
     arrays: Any
     orders: int
@@ -189,65 +170,29 @@ class StepConstraints(NamedTuple):
 
 
 class KeptGenerations(NamedTuple):
-    """Generations of a search: genes and objectives.
+    """Generations of a search from its first: genes (generations, individuals, genes) and objectives.
 
-    Genes are (generations, individuals, genes), objectives (generations, individuals, n_obj). The first generation is
-    the one that a search begins with. Objectives are minimised, inf if a step failed.
+    Objectives (generations, individuals, n_obj) are minimised, inf if a step failed.
     """
 
     genes: np.ndarray
     F: np.ndarray
 
 
-class SelectionWorkspace(NamedTuple):
-    """Arrays for the choice among N parents and N children."""
-
-    points: np.ndarray
-    front: np.ndarray
-    fitness: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
-    stack: np.ndarray
-    places: np.ndarray
-    dominated: np.ndarray
-    spare: np.ndarray
-    rank: np.ndarray
-    scaled: np.ndarray
-    nearest: np.ndarray
-    chosen: np.ndarray
-    values: np.ndarray
-    begins: np.ndarray
-    objectives: np.ndarray
-    distance: np.ndarray
-
-
-class Workspace(NamedTuple):
-    """A population and its children, and arrays for their evaluation."""
-
-    genes: np.ndarray  # one row per individual
-    F: np.ndarray  # objectives of the parents by place, then those of the children
-    order: np.ndarray  # row of each place
-    fitness: np.ndarray  # fitness in a tournament, by place
-    children: np.ndarray  # genes of the children, in columns
-    redrawn: np.ndarray  # genes drawn in place of inadmissible children
-    redrawn_positions: np.ndarray  # joint positions of these
-    state: np.ndarray
-    inputs: np.ndarray  # joint positions and rates of the children, in columns
-    outputs: np.ndarray
-    linear_systems: np.ndarray
-    pending: np.ndarray
-    candidates: np.ndarray
-    travel: np.ndarray
-    scale: np.ndarray
-    configurations: np.ndarray
-    nodes: np.ndarray
-    distances: np.ndarray
-    intervals: np.ndarray
-    selection: SelectionWorkspace
+SelectionWorkspace = namedtuple(
+    "SelectionWorkspace",
+    "points front fitness x y stack places dominated spare rank scaled nearest chosen values begins objectives "
+    "distance",
+)
+Workspace = namedtuple(
+    "Workspace",
+    "genes F order fitness children redrawn redrawn_positions state inputs outputs linear_systems pending candidates "
+    "travel scale configurations nodes distances intervals selection",
+)
 
 
 def allocate(dof: int, redundancy: int, population: int, objectives: int, inputs: int) -> Workspace:
-    """Return the workspace of a population and of its evaluators."""
+    """Return a population and its children, with arrays to evaluate them and to choose among N + N."""
     N, M, r, size, both = population, objectives, redundancy, redundancy * (dof + 1), 2 * population
     evaluated, index = max(N, OPTIONS.interval_batch), np.int64
     selection = SelectionWorkspace(
@@ -270,15 +215,15 @@ def allocate(dof: int, redundancy: int, population: int, objectives: int, inputs
         distance=np.zeros(both),
     )
     return Workspace(
-        genes=np.zeros((N, size)),
-        F=np.zeros((M, both)),
-        order=np.zeros(N, index),
-        fitness=np.zeros(N),
-        children=np.zeros((size, N)),
-        redrawn=np.zeros((size, N)),
-        redrawn_positions=np.zeros((dof, N)),
+        genes=np.zeros((N, size)),  # one row per individual
+        F=np.zeros((M, both)),  # objectives of the parents by place, then those of the children
+        order=np.zeros(N, index),  # row of each place
+        fitness=np.zeros(N),  # fitness in a tournament, by place
+        children=np.zeros((size, N)),  # genes of the children, in columns
+        redrawn=np.zeros((size, N)),  # genes drawn in place of inadmissible children
+        redrawn_positions=np.zeros((dof, N)),  # joint positions of these
         state=np.zeros(1, np.uint64),
-        inputs=np.zeros((inputs, N)),
+        inputs=np.zeros((inputs, N)),  # joint positions and rates of the children, in columns
         outputs=np.zeros((M, N)),
         linear_systems=np.zeros((r * r + r, N)),
         pending=np.zeros(N, index),

@@ -33,10 +33,7 @@ class Population:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Generations:
-    """All generations of a search: minimised objectives and joint positions.
-
-    Both are NaN if a step failed.
-    """
+    """All generations of a search: minimised objectives and joint positions, NaN if a step failed."""
 
     F: Float[np.ndarray, "generations individuals n_obj"]
     q: Float[np.ndarray, "generations individuals dof"]
@@ -46,8 +43,7 @@ class Generations:
 class StepEvolution:
     """The compiled search of control steps of one arm, task and set of objectives.
 
-    With ``warm_start`` it begins with the population of the step before. It contains the workspace of the engine, so
-    each thread needs its own.
+    With ``warm_start`` it begins with the population of the step before. Its workspace is for one thread.
     """
 
     programs: StepPrograms
@@ -69,17 +65,11 @@ class StepEvolution:
         self._nodes = programs.nodes.arrays
 
     def __call__(self, step: StepState) -> Population:
-        """Search a step; the same seed and step give the same population.
-
-        Raises Infeasible as ``start_and_constraints`` does.
-        """
+        """Search a step, the same for the same seed and step; raises Infeasible if the arm is singular."""
         return self._search(step, recorded=0)[0]
 
     def with_generations(self, step: StepState) -> tuple[Population, Generations]:
-        """Search a step; return the last population and all generations.
-
-        Raises the errors of a call.
-        """
+        """Search a step as a call does; return the last population and all generations."""
         population, history = self._search(step, recorded=self.generations + 1)
         F = np.where(np.isfinite(history.F).all(axis=2, keepdims=True), history.F, np.nan)
         alive = np.isfinite(F).all(axis=2)
@@ -88,19 +78,13 @@ class StepEvolution:
         return population, Generations(F=F[:, :, : self.objectives], q=q)
 
     def _search(self, step: StepState, *, recorded: int) -> tuple[Population, KeptGenerations]:
-        """Search a step, or read it from a stopped run's journal.
-
-        recorded: number of generations to keep
-        """
+        """Search a step and keep ``recorded`` generations, or read both from a stopped run's journal."""
         start, constraints = self.start_and_constraints(step)
         w = self.workspace
         before = w.genes[w.order] if self.warm_start and self._has_searched else None
 
         def search_anew() -> dict[str, np.ndarray]:
-            """Return genes, objectives, and the recorded generations.
-
-            Individuals that did not fail come first.
-            """
+            """Return genes, those that did not fail first, objectives, and recorded generations."""
             from paretoik.closed_loop.engine import search  # imported here: numba loads slowly
 
             rows = np.concatenate([step.home, step.target, self.programs.constants])
@@ -123,10 +107,7 @@ class StepEvolution:
         return Population(genes=genes, F=F, q=step.decode(genes)), history
 
     def start_and_constraints(self, step: StepState) -> tuple[StepStart, StepConstraints]:
-        """Return the start and the constraints of a step, as the engine takes them.
-
-        Raises Infeasible if the arm is singular.
-        """
+        """Return start and constraints of a step for the engine; raises Infeasible if singular."""
         programs, task, dt = self.programs, step.task, step.dt
         shortest, null_space = step.shortest_and_null_space
         rates = [np.diff(step.history, order, axis=0)[-1] / dt**order for order in (1, 2)]

@@ -1,12 +1,10 @@
-"""Motions that satisfy limits in every step.
-
-Limits are on joint positions, velocities, accelerations, and distances.
-"""
+"""Motions that satisfy limits on joint positions, velocities, accelerations, and distances in every step."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Shaped
@@ -66,10 +64,7 @@ OPTIONS = StepOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepGoal:
-    """Goal of a step: rates, inverse joint weights D, and damping.
-
-    Rates are those of the task and of the criteria.
-    """
+    """Goal of a step: rates of the task and of the criteria, inverse joint weights D, and damping."""
 
     jacobian: Float[np.ndarray, "rows dof"]
     task_rates: Float[np.ndarray, " rows"]
@@ -88,10 +83,7 @@ class StepLimits:
     lowest_rates: Float[np.ndarray, " distances"]
 
     def slack(self, rates: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " limits"]:
-        """Return the slack of every limit at rates, negative if violated.
-
-        The order is distances, lower bounds, upper bounds.
-        """
+        """Return the slack at rates, negative if violated, of distances, lower bounds, and upper bounds."""
         return np.concatenate(
             [self.gradients @ rates - self.lowest_rates, rates - self.bounds[:, 0], self.bounds[:, 1] - rates]
         )
@@ -99,7 +91,7 @@ class StepLimits:
     def keep(self, rates: Float[np.ndarray, " dof"], free: Float[np.ndarray, " dof"]) -> bool:
         """Return whether rates satisfy all limits within the tolerance.
 
-        The tolerance is a share of the rates without limits, or of the bounds if these are smaller.
+        It is a share of the rates without limits, or of the bounds if these are smaller.
         """
         size = min(float(np.abs(free).max()), float(np.abs(self.bounds).max()))
         return bool(self.slack(rates).min() >= -OPTIONS.tolerance * size)
@@ -107,10 +99,7 @@ class StepLimits:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LimitedStep:
-    """The rates of a step with and without limits.
-
-    It also has the projector onto the task's null space and the damping ρ. ``status`` is an index into STATUS.
-    """
+    """A step's rates with and without limits, projector onto the null space, damping ρ, and index of STATUS."""
 
     rates: Float[np.ndarray, " dof"]
     free: Float[np.ndarray, " dof"]
@@ -120,10 +109,7 @@ class LimitedStep:
 
 
 def limited_step(goal: StepGoal, limits: StepLimits) -> LimitedStep:
-    """Return the step without limits if it satisfies them.
-
-    Otherwise return the step of the quadratic program.
-    """
+    """Return the step without limits if it satisfies them, else that of the quadratic program."""
     root = np.sqrt(goal.inverse_weights)
     weighted = goal.jacobian * root
     U, sizes, V = np.linalg.svd(weighted)
@@ -141,7 +127,12 @@ def limited_step(goal: StepGoal, limits: StepLimits) -> LimitedStep:
     elif smallest > OPTIONS.singular * largest:
         damping, without = goal.damping, step(0.0, DONE)
     else:
-        still = _still(root, limits)
+        # the least rates that satisfy the limits, or only the joint bounds if none satisfies all
+        zeros, identity = np.zeros_like(root), np.eye(len(root))
+        still: np.ndarray = np.clip(zeros, *limits.bounds.T)
+        if limits.slack(still).min() < 0:
+            nearest = _nearest(zeros, identity, root, identity, limits)
+            still = still if nearest is None else nearest
         return replace(step(1.0, HELD if limits.keep(still, still) else LIMITED), rates=still, free=still)
     if limits.keep(without.free, without.free):
         return without
@@ -157,24 +148,10 @@ def limited_step(goal: StepGoal, limits: StepLimits) -> LimitedStep:
     return replace(relaxed, rates=rates, status=relaxed.status if limits.keep(rates, relaxed.free) else LIMITED)
 
 
-def _still(root: Float[np.ndarray, " dof"], limits: StepLimits) -> Float[np.ndarray, " dof"]:
-    """Return the least rates that satisfy the limits.
-
-    If no rates satisfy all limits, only the joint bounds are satisfied.
-    """
-    zeros, identity = np.zeros_like(root), np.eye(len(root))
-    rates: np.ndarray = np.clip(zeros, *limits.bounds.T)
-    if limits.slack(rates).min() >= 0:
-        return rates
-    nearest = _nearest(zeros, identity, root, identity, limits)
-    return rates if nearest is None else nearest
-
-
 def _nearest(free: np.ndarray, N: np.ndarray, root: np.ndarray, P: np.ndarray, limits: StepLimits) -> np.ndarray | None:
-    """Return free + root N x within limits with the least ½ xᵀPx.
+    """Return free + root N x within limits with the least ½ xᵀPx, None if no rates are within the joint bounds.
 
-    Returns None if no rates are within the joint bounds. If these bounds require it, distances shrink faster than
-    allowed, by as little as possible.
+    If these bounds require it, distances shrink faster than allowed, by as little as possible.
     """
     values, distances, basis = limits.slack(free), len(limits.lowest_rates), root[:, None] * N
     G = np.concatenate([limits.gradients @ basis, basis, -basis])
@@ -215,10 +192,7 @@ KINDS = "acceleration", "step", "velocity", "position"  # kinds of limits on a j
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RateLimits:
-    """Limits (steps, dof, 2) at the sample after every step.
-
-    Without a limit, entries are −inf and inf. The ``steps`` are durations [s].
-    """
+    """Limits (steps, dof, 2), ∓inf without, at the sample after every step; ``steps`` are durations [s]."""
 
     position: Float[np.ndarray, "steps dof 2"]
     velocity: Float[np.ndarray, "steps dof 2"]
@@ -235,10 +209,7 @@ class RateLimits:
         return cls(**{kind: np.broadcast_to(bounds[kind], shape)[1:] for kind in kinds}, steps=steps)
 
     def bounds(self, k: int, q: np.ndarray, previous: np.ndarray) -> Float[np.ndarray, "kinds *batch dof 2"]:
-        """Return lower and upper bounds of rates in step k.
-
-        The step begins at q (*batch, dof), after ``previous`` rates.
-        """
+        """Return bounds of rates in step k, which begins at q (*batch, dof) after ``previous`` rates."""
         sides = []
         for side, sign in ((0, -1.0), (1, 1.0)):
             braking = self._braking(k, side)
@@ -254,10 +225,9 @@ class RateLimits:
         return np.stack(sides, axis=-1)
 
     def approach(self, k: int, slack: np.ndarray, gradients: np.ndarray) -> Float[np.ndarray, "*batch"]:
-        """Return the highest rates at which distances may shrink in step k.
+        """Return the highest rates at which distances (*batch,) with a ``slack`` [m] may shrink in step k.
 
-        Distances (*batch,) have a ``slack`` [m]. Every joint brakes within its acceleration limits; the gradients
-        (*batch, dof) are taken as constant.
+        Every joint brakes within its acceleration limits; the gradients (*batch, dof) are taken as constant.
         """
         lower, upper = (self._braking(k, side) for side in (0, 1))  # braking of downward and of upward motion
         rising, falling = np.maximum(gradients, 0.0), np.maximum(-gradients, 0.0)
@@ -268,10 +238,9 @@ class RateLimits:
         return highest_rate(slack[..., None, None], braking[..., None], steps)[..., 0]
 
     def _braking(self, k: int, side: int) -> Float[np.ndarray, "later dof"]:
-        """Return the possible decreases of rates in step k and later steps.
+        """Return the possible decreases of rates towards a side in step k, 0, and in later steps.
 
-        Rates are towards a side; the decrease in step k is 0. If no acceleration is limited, there is only one step,
-        because rates can then become 0 at once.
+        If no acceleration is limited, there is only one step, because rates can then become 0 at once.
         """
         opposite = self.acceleration[k:, :, 1 - side] * (1.0 if side == 0 else -1.0)
         later = opposite if np.isfinite(opposite).any() else opposite[:1]
@@ -283,20 +252,16 @@ def highest_rate(
     braking: Float[np.ndarray, "*#batch later columns"],
     steps: Float[np.ndarray, " later"],
 ) -> Float[np.ndarray, "*batch columns"]:
-    """Return the highest rate that never exceeds a ``slack``.
+    """Return the highest rate that exceeds a ``slack`` neither at the end of this step nor of a later one.
 
-    This applies to the end of this step and of each later step. ``braking`` is the possible deceleration in these
-    steps, 0 in the first.
+    ``braking`` is the possible deceleration in these steps, 0 in the first.
     """
     drop = np.cumsum(braking * steps[:, None], axis=-2)
     return np.asarray(((slack + np.cumsum(drop * steps[:, None], axis=-2)) / np.cumsum(steps)[:, None]).min(axis=-2))
 
 
 def intersection(bounds: Float[np.ndarray, "kinds *batch dof 2"]) -> Float[np.ndarray, "*batch dof 2"]:
-    """Return the interval within the bounds of all kinds.
-
-    If bounds contradict each other, bounds of the first kinds are satisfied.
-    """
+    """Return the interval within the bounds of all kinds, of the first kinds if they contradict each other."""
     lower, upper = bounds[0, ..., 0], bounds[0, ..., 1]
     for each in bounds[1:]:
         lower, upper = np.clip(each[..., 0], lower, upper), np.clip(each[..., 1], lower, upper)
@@ -324,12 +289,8 @@ class ConstrainedTraces(Traces):
     _repr_html_ = html_representation
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Linearisation:
-    """The results of the step program at a posture.
-
-    A criterion's row has its value and its gradient.
-    """
+class _Linearisation(NamedTuple):
+    """The results of the step program at a posture; a criterion's row has its value and its gradient."""
 
     errors: Float[np.ndarray, " rows"]
     travel: Float[np.ndarray, " rows"]
@@ -352,8 +313,8 @@ def follow_constrained(
 ) -> None:
     """Fill the traces, and the positions after the first one.
 
-    The columns of ``settings`` are feedback, region and damping of each motion. If ``exact``, a step is computed again
-    about its own end.
+    settings: feedback, region and damping of each motion
+    exact: whether a step is computed again about its own end
     """
     dof = task.arm.dof
     signs = np.array([each.objective.sign for each in criteria]).reshape(-1, 1)
@@ -397,32 +358,23 @@ class _Stepper:
         self.limits = RateLimits.of(task)
 
     def linearise(self, k: int, q: Float[np.ndarray, " dof"], dq: Float[np.ndarray, " dof"]) -> _Linearisation:
-        """Return the task of sample k, criteria and distances at a posture.
-
-        The last rates are dq.
-        """
+        """Return the task of sample k, criteria and distances at a posture, after rates dq."""
         n, rows, count = len(q), self.task.rows, self.program.distances
         inputs = np.concatenate([q, dq, np.zeros(2 * n), self.program.table[k]])
         outputs = self.program.program(inputs[:, None])[:, 0]
         cuts = [rows, 2 * rows, (2 + n) * rows, len(outputs) - count * (n + 1)]
         errors, travel, jacobian, criteria, distances = np.split(outputs, cuts)
         of_distances = distances.reshape(count, n + 1)
-        return _Linearisation(
-            errors=errors,
-            travel=travel,
-            jacobian=jacobian.reshape(rows, n),
-            criteria=criteria.reshape(-1, n + 1),
-            distances=of_distances[:, 0],
-            gradients=of_distances[:, 1:],
-        )
+        tables = jacobian.reshape(rows, n), criteria.reshape(-1, n + 1), of_distances[:, 0], of_distances[:, 1:]
+        return _Linearisation(errors, travel, *tables)
 
     def take(
         self, k: int, q: np.ndarray, previous: np.ndarray, at: _Linearisation, goal: StepGoal
     ) -> tuple[LimitedStep, np.ndarray]:
-        """Return step k and its active limits, as indices into ACTIVE.
+        """Return step k from q, after rates ``previous``, and its active limits, as indices into ACTIVE.
 
-        The step begins at q, after rates ``previous``. An exact step is computed again about its own end by Newton's
-        method, until the end is on the path and distances are correct.
+        An exact step is computed again about its own end by Newton's method, until the end is on the path and distances
+        are correct.
         """
         dt, bounds = self.limits.steps[k], self.limits.bounds(k, q, previous)
         interval = intersection(bounds)

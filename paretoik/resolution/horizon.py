@@ -34,10 +34,7 @@ DEGREE = 4  # degree of the splines through the positions ahead
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HorizonSolution:
-    """The positions ahead, their objective, and data of the iterations.
-
-    These are whether the solution is stationary on the path, and the number of iterations.
-    """
+    """The positions ahead, their objective, whether they are stationary on the path, and the iterations."""
 
     q: Float[np.ndarray, "horizon dof"]
     value: float
@@ -98,10 +95,10 @@ class HorizonProgram:
 def horizon_program(
     task: MotionTask, objective: Objective, horizon: int, interval: float, terminal: float = 0.0
 ) -> HorizonProgram:
-    """Return the program of an objective over samples ahead.
+    """Return the program of an objective over samples ahead, the last with ``terminal`` more weight.
 
-    The last sample counts ``terminal`` times more. Raises InvalidInput, naming the objective, if it depends on more
-    than one sample's positions, velocities and accelerations, or on none of them.
+    Raises InvalidInput, naming the objective, if it depends on more than one sample's positions, velocities and
+    accelerations, or on none of them.
     """
     return replace(_trace_program(task, objective, horizon), interval=interval, terminal=terminal)
 
@@ -160,11 +157,10 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int) -> Hori
 def quartic_spline(
     points: Float[np.ndarray, "points dof"], rate: Float[np.ndarray, " dof"], second: Float[np.ndarray, " dof"]
 ) -> Float[np.ndarray, "pieces 5 dof"]:
-    """Return the coefficients of a C² quartic spline through points.
+    """Return the coefficients of a C² quartic spline through points one unit of time apart.
 
-    Points are one unit of time apart. Its derivatives are ``rate`` and ``second`` at the first point, and 0 at the
-    last; if the spline has only one piece, only the first derivative is 0 there. These conditions determine the spline
-    of two pieces, as in the paper; with more pieces, the spline has the least jerk.
+    Its derivatives are ``rate`` and ``second`` at the first point, and 0 at the last; only the first is 0 there if the
+    spline has one piece. These conditions determine two pieces, as in the paper; of more pieces, the jerk is least.
     """
     pieces, dof = len(points) - 1, points.shape[1]
     conditions = np.concatenate([points[:-1], points[1:], rate[None], second[None]])
@@ -172,10 +168,7 @@ def quartic_spline(
 
 
 def spline_position(coefficients: Float[np.ndarray, "pieces 5 dof"], time: float) -> Float[np.ndarray, " dof"]:
-    """Return the spline's position at a time in units of pieces.
-
-    After the end of the spline the position is constant.
-    """
+    """Return the spline's position at a time in units of pieces, constant after its end."""
     piece = min(int(time), len(coefficients) - 1)
     u = min(time - piece, 1.0)
     position: np.ndarray = u ** np.arange(DEGREE + 1) @ coefficients[piece]
@@ -184,10 +177,7 @@ def spline_position(coefficients: Float[np.ndarray, "pieces 5 dof"], time: float
 
 @lru_cache(maxsize=32)
 def _coefficient_matrix(pieces: int) -> np.ndarray:
-    """Return the matrix that gives the spline's coefficients.
-
-    It is multiplied by the positions of all pieces' ends and the derivatives at the first end.
-    """
+    """Return the matrix from the positions of pieces' ends and first derivatives to coefficients."""
     width, powers = DEGREE + 1, np.arange(DEGREE + 1)
 
     def derivative(order: int, u: float) -> np.ndarray:

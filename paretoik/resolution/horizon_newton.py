@@ -1,7 +1,4 @@
-"""Compiled Newton's method in the null space of a horizon program.
-
-The program is that of a few samples ahead; see ``horizon``.
-"""
+"""Compiled Newton's method in the null space of a horizon program, that of a few samples ahead."""
 
 from __future__ import annotations
 
@@ -34,9 +31,7 @@ OPTIONS = NewtonOptions()
 
 @compiled(what="the predictive control step", seconds=4)
 def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
-    """Overwrite the positions in ``inputs`` with a local minimum.
-
-    Returns (objective, converged, iterations).
+    """Overwrite positions with a local minimum; return (objective, converged, iterations).
 
     inputs: positions, fixed numbers, then multipliers (inputs, 1)
     derivatives: evaluator of the objective, its gradient, equations and their Jacobian
@@ -107,10 +102,7 @@ def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
 
 @compiled
 def _line_search(derivatives, inputs, outputs, step, value, decrease, factors, work, shape):
-    """Take the longest step with sufficient decrease from a shrinking sequence.
-
-    Returns whether such a step exists. If no step exists, positions do not change.
-    """
+    """Take the longest of shrinking steps with sufficient decrease; return False, without a move, if none has."""
     size = step.shape[0]
     start, largest = np.empty(size), 0.0
     for j in range(size):
@@ -134,10 +126,9 @@ def _line_search(derivatives, inputs, outputs, step, value, decrease, factors, w
 
 @compiled
 def _retract(derivatives, inputs, outputs, factors, work, shape):
-    """Retract positions onto the path by Newton's method with shortest steps.
+    """Retract positions onto the path by Newton's method with shortest steps; return whether it converges.
 
-    Returns whether the method converges. The ``outputs`` are those of the program at the positions, the ``factors`` are
-    the Cholesky factors of every sample's J Jᵀ.
+    The ``outputs`` are those of the program there, the ``factors`` the Cholesky factors of every sample's J Jᵀ.
     """
     horizon, dof, rows = shape
     size, count = horizon * dof, horizon * rows
@@ -174,10 +165,7 @@ def _retract(derivatives, inputs, outputs, factors, work, shape):
 
 @compiled
 def _null_basis(J, factor, work, basis):
-    """Write an orthonormal basis (dof, dof − rows) of the null space.
-
-    It is made from projected unit vectors, the longest first.
-    """
+    """Write an orthonormal basis (dof, dof − rows) of the null space from unit vectors, the longest first."""
     rows, dof = J.shape
     projected = np.eye(dof)
     for j in range(dof):
@@ -220,10 +208,7 @@ def _reduce_hessian(H, basis, reduced):
 
 @compiled
 def _factorise_regularised(matrix, factor):
-    """Factorise a matrix, regularised by an addition to its diagonal.
-
-    Returns whether the factorisation succeeds. Source: Nocedal & Wright, algorithm 3.3.
-    """
+    """Factorise a matrix with a larger diagonal (ibid., algorithm 3.3); return whether it succeeds."""
     size = matrix.shape[0]
     largest = 0.0
     for a in range(size):

@@ -27,10 +27,7 @@ def tracking_error(motion: Motion) -> np.ndarray:
 
 @objective(unit="", form="general", maximise=True)
 def limit_margin(motion: Motion) -> np.ndarray:
-    """Smallest distance from a position limit, as share of range; maximised.
-
-    It is negative if a joint is past a limit. It is 0 for an arm without position limits.
-    """
+    """Smallest distance from a position limit, as share of range, negative past it; 0 without; maximised."""
     lower, upper = motion.arm.position_limits.T
     span = position_ranges(motion.arm, motion.arm.position_limits)
     limited = np.isfinite(span)
@@ -42,10 +39,7 @@ def limit_margin(motion: Motion) -> np.ndarray:
 
 @objective(unit="", form="general")
 def speed_ratio(motion: Motion) -> np.ndarray:
-    """Largest ratio of joint speed to its limit.
-
-    Without a limit, the divisor is 1 rad/s or 1 m/s.
-    """
+    """Largest ratio of joint speed to its limit, or to 1 rad/s or 1 m/s without one."""
     highest = np.where(np.isfinite(motion.arm.velocity_limits), motion.arm.velocity_limits, 1.0)
     return np.asarray((np.abs(motion.dq) / highest).max(axis=(-2, -1)))
 

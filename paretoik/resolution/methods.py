@@ -79,19 +79,13 @@ class VelocityMethod(Method):
     _weighting: ClassVar[int] = UNWEIGHTED
 
     def __post_init__(self) -> None:
-        """Check that numbers are within their ranges.
-
-        The feedback is checked by ``resolve``, which knows the steps.
-        """
+        """Check that numbers are within their ranges; ``resolve`` checks the feedback by the steps."""
         super().__post_init__()
         if self.feedback is not None:
             finite_array(f"{type(self).__name__}: feedback", self.feedback)
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers that are searched by default.
-
-        The range of the feedback follows from the steps.
-        """
+        """Return the numbers searched by default; the range of the feedback follows from the steps."""
         highest = 1.0 / float(np.diff(times).max())
         return (Parameter("feedback", 0.02 * highest, highest), *super().parameters(times))
 
@@ -126,11 +120,10 @@ class VelocityMethod(Method):
     def _prepare(
         self, task: MotionTask, start: np.ndarray
     ) -> tuple[tuple[int, ...], np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-        """Return the inputs of a computation of motions.
+        """Return the batch's shape, settings, gains and ranks of criteria, postures, and empty traces.
 
-        They are the batch's shape, the feedback and ``SETTINGS`` of each motion, the gains and ranks of criteria, the
-        postures, and the traces. Ranks begin at 0; postures and traces are empty arrays to fill. Raises InvalidInput if
-        numbers do not fit each other.
+        Settings are the feedback and ``SETTINGS`` of each motion; ranks begin at 0. Raises InvalidInput if numbers do
+        not fit each other.
         """
         name, highest = type(self).__name__, 1.0 / float(np.diff(task.times).max())
         criteria, dof = self.criterion_list, task.arm.dof
@@ -232,10 +225,7 @@ class GradientProjection(DampedLeastSquares):
         return (*super().parameters(times), *(one.parameter for one in self.criterion_list))
 
     def with_values(self: Gradient, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Gradient:
-        """Return the method with values (motions,) for some numbers.
-
-        The numbers may include the gains of criteria.
-        """
+        """Return the method with values (motions,) for some numbers or gains of criteria."""
         gains = {one.parameter.name: one for one in self.criterion_list}
         criteria = [replace(one, gain=values.get(name, one.gain)) for name, one in gains.items()]
         return replace(
@@ -278,18 +268,12 @@ class WeightedGradientProjection(GradientProjection):
         return [f"priority of {one.objective.name}" for one in self.criterion_list]
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers that are searched by default.
-
-        With several criteria, these include priorities, the lowest first.
-        """
+        """Return the numbers searched by default, and priorities of several criteria."""
         names = self._priority_names if len(self.criterion_list) > 1 else []
         return (*super().parameters(times), *(Parameter(name, 0.0, 1.0) for name in names))
 
     def with_values(self: Weighted, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Weighted:
-        """Return the method with values (motions,) for some numbers.
-
-        The numbers may include gains and priorities.
-        """
+        """Return the method with values (motions,) for some numbers, gains or priorities."""
         names = self._priority_names
         method = super().with_values({k: v for k, v in values.items() if k not in names}, times)
         if not any(name in values for name in names):
@@ -367,10 +351,9 @@ class Nedungadi(Method):
     def follow(
         self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
     ) -> ResolvedMotion:
-        """Return the motions from ``start``, stopped before a singularity.
+        """Return the motions from ``start``, stopped before a singularity; ``tolerance`` has no effect.
 
-        The ``tolerance`` has no effect. In the traces the task's part of the velocities is the shortest one, the rest
-        is ``projected``.
+        In the traces the task's part of the velocities is the shortest one, the rest is ``projected``.
         """
         from paretoik.resolution.variational import extremal_paths  # here: slow to load
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -83,12 +83,9 @@ class PredictiveKineticEnergy(Method):
             raise InvalidInput(f"PredictiveKineticEnergy: objective must be an Objective, got {shown(self.objective)}")
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers that are searched by default.
+        """Return the numbers searched by default; raises InvalidInput for fewer than three samples.
 
-        In addition to fields, these are ``prediction_time`` [s], the horizon times the prediction step, and
-        ``update_share``, the update interval over the prediction time.
-
-        Raises InvalidInput for a path of fewer than three samples.
+        ``prediction_time`` [s] is the horizon times the prediction step, ``update_share`` the update interval over it.
         """
         if len(times) < 3:
             raise InvalidInput(f"path must have at least 3 samples, got {len(times)}")
@@ -102,10 +99,7 @@ class PredictiveKineticEnergy(Method):
     def with_values(
         self: Predictive, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]
     ) -> Predictive:
-        """Return the method with values (motions,) for some of its numbers.
-
-        Times are rounded to whole samples, at least one and at most the number of the path.
-        """
+        """Return the method with values (motions,) for some numbers, times in whole samples."""
         dt, derived = float(times[1] - times[0]), ("prediction_time", "update_share")
         fields = {name: value for name, value in values.items() if name not in derived}
         horizon = np.asarray(values.get("horizon", self.horizon))
@@ -136,9 +130,7 @@ class PredictiveKineticEnergy(Method):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictiveTraces(Traces):
-    """The traces of predictions.
-
-    If a motion has fewer updates than others, its traces are padded with −1 and NaN.
+    """The traces of predictions, padded with −1 and NaN if others have more updates.
 
     updates: samples of the updates
     predictions: positions ahead (updates, horizon, dof) [rad, m]
@@ -168,14 +160,10 @@ class PredictiveTraces(Traces):
 
 @runtime_checkable
 class HorizonSolver(Protocol):
-    """A solver for the positions ahead: ``HorizonProgram`` or another solver."""
+    """A solver for the positions ahead: ``HorizonProgram``, or another in studies."""
 
     def solve(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> HorizonSolution:
-        """Return the minimum found from positions (horizon, dof).
-
-        The positions follow a posture and its velocity.
-        """
-        ...
+        """Return the minimum found from positions (horizon, dof) after a posture and its velocity."""
 
 
 MakeSolver = Callable[[MotionTask, Objective, int, float, float], HorizonSolver]
@@ -198,19 +186,13 @@ class Schedule:
     terminal: float
 
     def updates(self, samples: int) -> list[int]:
-        """Return the samples of updates, at least the first sample.
-
-        At an update, the whole horizon is before the path's end.
-        """
+        """Return the samples of updates: the first, and others with the whole horizon before the path's end."""
         last = max(samples - 1 - self.horizon * self.stride, 0)
         return list(range(0, last + 1, self.interval))
 
 
 def schedules(method: PredictiveKineticEnergy, times: np.ndarray, shape: tuple[int, ...]) -> list[Schedule]:
-    """Return each motion's schedule.
-
-    Raises InvalidInput for times that are not whole numbers of samples.
-    """
+    """Return each motion's schedule; raises InvalidInput for times that are not whole numbers of samples."""
     dt, duration = float(times[1] - times[0]), float(times[-1] - times[0])
     if np.ptp(np.diff(times)) > 1e-9 * dt:
         raise InvalidInput("PredictiveKineticEnergy: path must have samples evenly spaced in time, got others")
@@ -283,7 +265,17 @@ def follow_predictively(
         secondary = (np.stack(desired) - q[:, k]) / dt
         outputs = (traces[name] for name in ("velocities", "repulsion", "projected", "status"))
         kernels.step(k, dt, np.ascontiguousarray(jacobian.T), task_velocity, secondary, q, *outputs)
-    return ResolvedMotion.of(task, shape, q, {**traces, **_update_traces(task, predictors)}, PredictiveTraces)
+    # traces of updates, of all motions padded to the same number
+    updates, horizon = max(len(each.updates) for each in predictors), max(each.horizon for each in plans)
+    padding = {"updates": -1, "values": np.nan, "converged": False, "iterations": -1, "seconds": np.nan}
+    traces |= {name: np.full((count, updates), empty) for name, empty in padding.items()}
+    traces["predictions"] = np.full((count, updates, horizon, dof), np.nan)
+    for i, each in enumerate(predictors):
+        for u, update in enumerate(each.updates):
+            traces["predictions"][i, u, : len(update["predictions"])] = update["predictions"]
+            for name in padding:
+                traces[name][i, u] = update[name]
+    return ResolvedMotion.of(task, shape, q, traces, PredictiveTraces)
 
 
 class Predictor:
@@ -291,15 +283,14 @@ class Predictor:
 
     def __init__(self, *, task: MotionTask, solver: HorizonSolver, schedule: Schedule, make_spline: MakeSpline) -> None:
         self.task, self.solver, self.schedule, self.make_spline = task, solver, schedule, make_spline
-        self.updates: list[tuple[int, HorizonSolution, float]] = []  # sample, prediction, seconds
+        self.updates: list[dict[str, Any]] = []  # traces of each, by name
         self._due = schedule.updates(len(task.times))
         self._origin, self._spline = 0, np.zeros((0, DEGREE + 1, task.arm.dof))
 
     def next_position(self, k: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, *, is_off_path: bool) -> np.ndarray:
-        """Return the desired positions at the sample after k.
+        """Return the desired positions at the sample after k, from a new prediction if one is due.
 
-        If an update is due, predict first. If the arm is off the path, or the prediction has ended, the desired
-        positions are those at k.
+        They are those at k if the arm is off the path, or the prediction has ended.
         """
         if is_off_path:
             self._spline = self._spline[:0]
@@ -321,7 +312,16 @@ class Predictor:
                     unit = stride * float(self.task.times[1] - self.task.times[0])
                     points = np.concatenate([q[None], solution.q])
                     self._origin, self._spline = k, self.make_spline(points, unit * dq, unit**2 * ddq)
-                self.updates.append((k, solution, time.perf_counter() - begin))
+                self.updates.append(
+                    {
+                        "updates": k,
+                        "predictions": solution.q,
+                        "values": solution.value,
+                        "converged": solution.converged,
+                        "iterations": solution.iterations,
+                        "seconds": time.perf_counter() - begin,
+                    }
+                )
         t = (k + 1 - self._origin) / self.schedule.stride
         return spline_position(self._spline, t) if t <= len(self._spline) else q
 
@@ -332,23 +332,3 @@ class Predictor:
             result = retract_nearest(self.task.arm, self.task.tasks, current, target)
             guess[j] = current = result.q if result.on_path else current
         return guess
-
-
-def _update_traces(task: MotionTask, predictors: list[Predictor]) -> dict[str, np.ndarray]:
-    count, horizon = max(len(each.updates) for each in predictors), max(each.schedule.horizon for each in predictors)
-    shape = (len(predictors), count)
-    traces = {
-        "updates": np.full(shape, -1),
-        "predictions": np.full((*shape, horizon, task.arm.dof), np.nan),
-        "values": np.full(shape, np.nan),
-        "converged": np.zeros(shape, dtype=bool),
-        "iterations": np.full(shape, -1),
-        "seconds": np.full(shape, np.nan),
-    }
-    for i, each in enumerate(predictors):
-        for u, (sample, solution, seconds) in enumerate(each.updates):
-            traces["updates"][i, u], traces["seconds"][i, u] = sample, seconds
-            traces["predictions"][i, u, : len(solution.q)] = solution.q
-            traces["values"][i, u], traces["converged"][i, u] = solution.value, solution.converged
-            traces["iterations"][i, u] = solution.iterations
-    return traces

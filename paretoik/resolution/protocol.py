@@ -46,10 +46,9 @@ class StepProgram:
 
 @lru_cache(maxsize=64)  # a search over a method's numbers uses the same program in every generation
 def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_distances: bool = False) -> StepProgram:
-    """Return the program of one step of a task.
+    """Return the program of one step of a task, ``with_distances`` from obstacles if requested.
 
-    With ``with_distances`` it includes the distances from obstacles. Raises InvalidInput, naming the criterion, if it
-    depends on more than one sample's positions and velocities.
+    Raises InvalidInput, naming the criterion, if it depends on more than one sample's positions and velocities.
     """
     motion = trace_sample(task, duration=1.0)  # so that means over time have the value of one sample
     trace, tape = motion.trace, motion.trace.tape
@@ -159,10 +158,7 @@ class ResolvedMotion(Motion):
         traces: dict[str, np.ndarray],
         kind: type[Traces] = Traces,
     ) -> ResolvedMotion:
-        """Return a batch from joint positions (motions, time, dof) and traces.
-
-        The traces are arrays as in ``empty_traces``.
-        """
+        """Return a batch from joint positions (motions, time, dof) and traces as in ``empty_traces``."""
         shaped = {name: each.reshape(*batch, *each.shape[1:]) for name, each in traces.items()}
         motion = task.motion(q.reshape(*batch, *q.shape[1:]))
         result = kind(**{**shaped, "status": STATUS[shaped["status"]]})
@@ -170,10 +166,7 @@ class ResolvedMotion(Motion):
 
 
 def empty_traces(count: int, time: int, dof: int, rows: int, criteria: int) -> dict[str, np.ndarray]:
-    """Return arrays for the traces of ``count`` motions.
-
-    The array ``status`` has indices into STATUS.
-    """
+    """Return arrays for the traces of ``count`` motions; ``status`` has indices into STATUS."""
     steps = time - 1
     return {
         "errors": np.zeros((count, time, rows)),
@@ -278,10 +271,7 @@ class Criterion:
 
     @property
     def parameter(self) -> Parameter:
-        """The gain's default range.
-
-        Raises InvalidInput if the gain is an array already.
-        """
+        """The gain's default range; raises InvalidInput if the gain is an array already."""
         if np.ndim(self.gain):
             raise InvalidInput(f"criterion {self.objective.name}: gain must be one number, got {self.gain}")
         lower, upper = (float(self.gain or 1.0) * share for share in (1e-4, 10.0))
@@ -291,10 +281,7 @@ class Criterion:
 def number(
     *, below: float = np.inf, search: tuple[float, float] | None = None, scale: Scale = "linear"
 ) -> dict[str, Any]:
-    """Return the metadata of a field from 0 to less than ``below``.
-
-    By default the field is searched in ``search``.
-    """
+    """Return the metadata of a field from 0 to less than ``below``, searched in ``search`` by default."""
     return {"below": below, "search": search, "scale": scale}
 
 
@@ -324,18 +311,12 @@ class Method:
         return ()
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers that are searched by default.
-
-        times: sample times of the path [s]
-        """
+        """Return the numbers that are searched by default on a path with these sample times [s]."""
         searched = [each for each in fields(self) if each.metadata.get("search") is not None]
         return tuple(Parameter(each.name, *each.metadata["search"], scale=each.metadata["scale"]) for each in searched)
 
     def with_values(self: Tuned, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Tuned:
-        """Return the method with values (motions,) for some numbers.
-
-        Each motion has its own values. Raises InvalidInput for unknown names, and for numbers out of range.
-        """
+        """Return the method with a value per motion (motions,) for some numbers; raises InvalidInput."""
         searched = [each.name for each in self.parameters(times)]
         names = dict.fromkeys([*searched, *(each.name for each in fields(self))])
         for name in values:
@@ -351,16 +332,13 @@ class Method:
         """Return the motions from ``start``, broadcast against the method's numbers.
 
         ``tolerance`` [m, rad] is the distance from the path above which nothing is predicted, None for 0.01. Raises
-        InvalidInput for a method without a way to follow, and for starts and numbers that cannot be used.
+        InvalidInput for starts and numbers that cannot be used.
         """
         raise InvalidInput(f"method must be one of pk.methods, such as PseudoInverse(), got {shown(self)}")
 
 
 def broadcast_shape(method: Method, start: np.ndarray, shapes: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
-    """Return the batch shape of starts and a method's numbers.
-
-    Starts are (*starts, dof). Raises InvalidInput if shapes do not fit.
-    """
+    """Return the batch shape of starts (*starts, dof) and numbers; raises InvalidInput if they do not fit."""
     name, starts = type(method).__name__, start.shape[:-1]
     try:
         shape = np.broadcast_shapes(starts, *shapes)

@@ -43,10 +43,7 @@ Unreachable = Literal["refuse", "track"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resolution:
-    """A checked request: a task, a method and starts (*batch, dof).
-
-    ``unreachable`` and ``tolerance`` are those of ``paretoik.resolve``.
-    """
+    """A checked request of ``paretoik.resolve``: a task, a method, starts (*batch, dof), and its settings."""
 
     task: MotionTask
     method: Method
@@ -73,10 +70,7 @@ def resolution_of(
     tolerance: float,
     seed: int,
 ) -> Resolution:
-    """Return the checked request of ``paretoik.resolve``.
-
-    Raises InvalidInput, naming an unusable part, and OutOfReach.
-    """
+    """Return the checked request; raises InvalidInput, naming an unusable part, and OutOfReach."""
     if not isinstance(method, VelocityMethod | PredictiveKineticEnergy | Nedungadi):
         raise InvalidInput(f"method must be one of pk.methods, such as PseudoInverse(), got {shown(method)}")
     check_choice("unreachable", unreachable, get_args(Unreachable))
@@ -121,8 +115,8 @@ def resolution_of(
 def resolve(resolution: Resolution) -> ResolvedMotion:
     """Return the motion of a request.
 
-    Raises Infeasible if the path is lost, and EvaluationFailed if a criterion is not finite, unless ``unreachable`` is
-    "track".
+    Unless ``unreachable`` is "track", raises Infeasible if the path is lost, EvaluationFailed if a criterion is not
+    finite.
     """
     task, criteria, tolerance = resolution.task, resolution.criteria, resolution.tolerance
     motion = resolution.method.follow(task, resolution.starts, tolerance=tolerance)
@@ -136,35 +130,7 @@ def resolve(resolution: Resolution) -> ResolvedMotion:
             f"criterion {criteria[index].objective.name} must have a finite value and gradient, got none at sample "
             f'{sample} ({task.times[sample]:.3g} s); unreachable="track" leaves it out there'
         )
-    _check_tracking(task, motion, tolerance)
-    return motion
-
-
-def _starts(task: MotionTask, start: object, seed: int) -> np.ndarray:
-    """Return the start postures (*batch, dof).
-
-    Without a start, the posture farthest from singular among 64 samples is used, if possible within limits.
-    """
-    if start is None:
-        rng = np.random.default_rng(seed)
-        candidates = sample_postures(task, 64, rng)
-        if not len(candidates):
-            raise reach_error(task, rng, 0)
-        singular_values = np.linalg.svd(task_errors(task.arm, task.tasks, candidates, task.targets[0])[1])[1]
-        lower, upper = task.bounds.get("position", task.arm.position_limits[None])[0].T
-        within = ((candidates >= lower) & (candidates <= upper)).all(axis=1)
-        return np.asarray(candidates[np.argmax(singular_values.min(axis=1) + 1e3 * within)])
-    q = finite_array("start", start)
-    if q.ndim == 0 or q.shape[-1] != task.arm.dof or not q.size:
-        raise InvalidInput(f"start must be joint positions (..., {task.arm.dof}), got shape {q.shape}")
-    return q
-
-
-def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) -> None:
-    """Raise Infeasible if a motion loses its path.
-
-    The error names the first sample off the path.
-    """
+    # The first sample at which a motion loses its path.
     dof, samples = task.arm.dof, len(task.times)
     errors = np.abs(motion.traces.errors).max(axis=-1).reshape(-1, samples)
     broken = np.zeros_like(errors, dtype=bool)
@@ -172,7 +138,7 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
     broken[:, 1:] = np.isin(status, list(LOST_STEPS))
     off_path = broken | (errors > tolerance)
     if not off_path.any():
-        return
+        return motion
     i = int(np.argmax(off_path.any(axis=1)))
     sample = int(np.argmax(off_path[i]))
     before = max(sample - 1, 0)
@@ -188,8 +154,8 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
             f'or unreachable="track" given, got {distance}{f"; {hint}" if hint else ""}'
         )
     cause = LOST_STEPS[str(status[i, sample - 1])] if broken[i, sample] else f"{distance} off the path"
-    if status[i, before] == "limited":
-        # describe the active limits of a constrained step to a sample
+    active = ""
+    if status[i, before] == "limited":  # the active limits of a constrained step to a sample
         assert isinstance(motion.traces, ConstrainedTraces)
         limits = motion.traces.active.reshape(-1, *motion.traces.active.shape[-2:])[i, sample - 1]
         words = [f"{limit} of {joint}" for limit, joint in zip(limits, task.arm.joint_names, strict=False) if limit]
@@ -197,12 +163,30 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
             links = motion.links.reshape(-1, *motion.links.shape[-3:])[i, sample]
             words.append(f"clearance between {closest_pair(task.obstacles, links, task.link_radius)}")
         active = " and ".join(words)
-    else:
-        active = ""
-    cause += f": {active}" if active else ""
+        cause += f": {active}" if active else ""
     raise Infeasible(
         f"resolve: {name}{cause} at sample {sample} ({task.times[sample]:.3g} s), where the Jacobian's condition "
         f'number is {np.linalg.cond(jacobian):.3g}; unreachable="track" follows it as well as possible',
         motion=motion,
         limit=active,
     )
+
+
+def _starts(task: MotionTask, start: object, seed: int) -> np.ndarray:
+    """Return the start postures (*batch, dof).
+
+    Without a start, it is the posture farthest from singular among 64 samples, if possible within limits.
+    """
+    if start is None:
+        rng = np.random.default_rng(seed)
+        candidates = sample_postures(task, 64, rng)
+        if not len(candidates):
+            raise reach_error(task, rng, 0)
+        singular_values = np.linalg.svd(task_errors(task.arm, task.tasks, candidates, task.targets[0])[1])[1]
+        lower, upper = task.bounds.get("position", task.arm.position_limits[None])[0].T
+        within = ((candidates >= lower) & (candidates <= upper)).all(axis=1)
+        return np.asarray(candidates[np.argmax(singular_values.min(axis=1) + 1e3 * within)])
+    q = finite_array("start", start)
+    if q.ndim == 0 or q.shape[-1] != task.arm.dof or not q.size:
+        raise InvalidInput(f"start must be joint positions (..., {task.arm.dof}), got shape {q.shape}")
+    return q

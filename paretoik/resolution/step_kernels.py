@@ -21,11 +21,7 @@ from paretoik.resolution.protocol import CLAMPING, DAMPED, DONE, HELD, LEAST_NOR
 
 @compiled
 def buffer_depth(q, lower, upper, width):
-    """Return the depth of a joint in a buffer.
-
-    The depth is −1 at or below the lower limit, 0 between the buffers, and 1 at or above the upper limit. Source: Eqs.
-    16 and 20.
-    """
+    """Return a joint's depth in a buffer: −1 at the lower limit, 0 between, 1 at the upper (Eqs. 16, 20)."""
     if not width < np.inf:
         return 0.0
     low, high = lower + width - q, q - (upper - width)
@@ -38,10 +34,7 @@ def buffer_depth(q, lower, upper, width):
 
 @compiled
 def clamping_weight(depth):
-    """Return a joint's weight: 1 outside its buffer, 0 at its limit.
-
-    Source: Eq. 17.
-    """
+    """Return a joint's weight: 1 outside its buffer, 0 at its limit (Eq. 17)."""
     d = abs(depth)
     if d <= 0.0:
         return 1.0
@@ -52,10 +45,9 @@ def clamping_weight(depth):
 
 @compiled
 def criterion_weight(exponent, sign, band):
-    """Return the weight of a criterion.
+    """Return a criterion's weight: 1 if its normalised value is below ``band``, 0 above 1 − band.
 
-    It is 1 if the normalised value is below ``band``, 0 if it is above 1 − band. ``exponent`` is (reference − H) times
-    the sign. Source: Eqs. 24 to 28, the cubic being 1 − 3s² + 2s³.
+    ``exponent`` is (reference − H) times the sign. Source: Eqs. 24 to 28, the cubic being 1 − 3s² + 2s³.
     """
     value = np.exp(min(exponent, 0.0)) if sign > 0 else 1.0 - np.exp(min(-exponent, 700.0))
     s = min(max((value - band) / (1.0 - 2.0 * band), 0.0), 1.0)
@@ -64,10 +56,9 @@ def criterion_weight(exponent, sign, band):
 
 @compiled
 def least_norm_weight(q, lower, upper, span, previous_slope, j):
-    """Return the inverse weight of joint j (Eq. 10).
+    """Return the inverse weight of joint j (Eq. 10), and write its slope for the next step.
 
-    Also write the joint's slope for the next step. A joint with one limit is slowed in the half of its range next to
-    the limit.
+    A joint with one limit is slowed in the half of its range next to the limit.
     """
     if not span < np.inf:
         return 1.0
@@ -95,9 +86,7 @@ FEEDBACK, REGION, DAMPING, BUFFER, REPULSION, BAND = 0, 1, 2, 3, 4, 5  # columns
 
 @compiled
 def follow(first, last, parts, table, steps, limits, method, traces):
-    """Follow the motions ``first`` to ``last`` of a batch.
-
-    All results are in ``traces``.
+    """Follow the motions ``first`` to ``last`` of a batch, and write the ``traces``.
 
     table: data (time, rows) of the step program
     steps: times between samples (time − 1)
@@ -168,10 +157,7 @@ def follow(first, last, parts, table, steps, limits, method, traces):
 
 @compiled
 def _fill_inputs(k, first, q, velocities, table, inputs):
-    """Write the inputs of the step program at sample k.
-
-    They are positions, the last velocities, and the sample's data.
-    """
+    """Write the inputs of the step program at sample k: positions, last velocities, the sample's data."""
     n, count = q.shape[2], inputs.shape[1]
     for j in range(n):
         for local in range(count):
@@ -184,10 +170,7 @@ def _fill_inputs(k, first, q, velocities, table, inputs):
 
 @compiled
 def _read_task(outputs, dt, feedback, v, J):
-    """Write the task velocities and the Jacobian from the program's outputs.
-
-    Source: Eqs. 32 and 33.
-    """
+    """Write task velocities and Jacobian from the program's outputs (Eqs. 32, 33)."""
     rows, n = J.shape
     for i in range(rows):
         v[i] = outputs[rows + i] / dt + feedback * outputs[i]
@@ -247,11 +230,7 @@ def _largest_move(dt, velocities):
 
 @compiled
 def _weigh_joints(weighting, q, limits, settings, previous_slope, joints, weights):
-    """Write joint weights, for some methods with a repulsion from limits.
-
-    They are the weights of the weighted least norm, or clamping weights. ``joints`` are D, E and the repulsion. Source:
-    Wan et al. 2018, Eqs. 15 to 20.
-    """
+    """Write joint weights, and D, E and the repulsion from limits (Wan et al. 2018, Eqs. 15 to 20)."""
     D, E, repulsive = joints
     for j in range(q.shape[0] if weighting != UNWEIGHTED else 0):
         lower, upper, span = limits[j, 0], limits[j, 1], limits[j, 2]
@@ -268,10 +247,7 @@ def _weigh_joints(weighting, q, limits, settings, previous_slope, joints, weight
 
 @compiled
 def _criterion_gain(outputs, modes, settings, gains, scaling, n):
-    """Return the gain of a criterion, normalised or not.
-
-    The gain is NaN if the criterion's value or gradient is not finite.
-    """
+    """Return a criterion's gain, normalised or not; NaN if its value or gradient is not finite."""
     gain = gains[0]
     if modes[2]:
         sign = scaling[0]
@@ -284,10 +260,7 @@ def _criterion_gain(outputs, modes, settings, gains, scaling, n):
 
 @compiled
 def _descend(outputs, gain, modes, rank, sign, limits, E, z):
-    """Write the velocities that decrease a criterion.
-
-    Source: Wan et al. 2018, Eqs. 12 and 29.
-    """
+    """Write the velocities that decrease a criterion (Wan et al. 2018, Eqs. 12 and 29)."""
     weighting, _, normalised = modes
     for j in range(z.shape[0]):
         priority = np.exp(-rank * E[j]) if normalised else 1.0
@@ -330,10 +303,7 @@ def step(k, dt, jacobian, task_velocity, secondary, q, velocities, repulsion, pr
 
 @compiled
 def _take_step(motion, k, dt, largest, q, velocities, repulsion, projected, status):
-    """Take a step, shortened if its largest move is too long.
-
-    If the move is not finite, no step is taken.
-    """
+    """Take a step, shortened if its largest move is too long, and none if the move is not finite."""
     limit = 1.0  # rad or m: largest move of a joint in one step; farther away the Jacobian is wrong
     if not (largest < np.inf and largest <= limit):
         stops = not largest < np.inf

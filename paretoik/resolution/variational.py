@@ -26,7 +26,6 @@ from paretoik.autodiff.operations import Op
 from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.robot import dynamics
-from paretoik.robot.arm import Arm
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract_nearest, task_errors
 from paretoik.task.task import describe_errors, error_unit, path_equations, path_targets
@@ -82,18 +81,12 @@ class EquationOfMotion:
         return self.project(np.zeros(len(q)), q, np.zeros_like(q))
 
     def project(self, t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """Return the velocities on the path nearest to dq.
-
-        The metric is the inertia.
-        """
+        """Return the velocities on the path nearest to dq, in the metric of the inertia."""
         terms = self.terms(t, q, dq)
         return _solve_kkt(terms, (terms.inertia @ dq[..., None])[..., 0], terms.velocity)
 
     def terms(self, t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> Terms:
-        """Return the terms at times t (motions,).
-
-        Postures and velocities are (motions, dof).
-        """
+        """Return the terms at times t (motions,), postures and velocities (motions, dof)."""
         rows, dof = self.task.rows, self.task.arm.dof
         values = self.program(np.concatenate([q, dq, *(spline(t) for spline in self.targets)], axis=1).T).T
         ends = np.cumsum([rows * dof, rows, rows, dof * dof])
@@ -108,10 +101,7 @@ class EquationOfMotion:
 
 
 def equation_of_motion(task: MotionTask) -> EquationOfMotion:
-    """Return the equation of motion of a task.
-
-    Raises InvalidInput for a cyclic task, and an arm with joints that move no mass.
-    """
+    """Return a task's equation of motion; raises InvalidInput for a cyclic task, and massless joints."""
     if task.cyclic:
         raise InvalidInput("variational: motion must be open, got a cyclic one")
     inertia = dynamics.inertia_matrix(task.arm, np.full((1, task.arm.dof), 0.5))[0]
@@ -121,20 +111,9 @@ def equation_of_motion(task: MotionTask) -> EquationOfMotion:
     parts = max(1, -(-EQUATION_OPTIONS.knots // (len(task.times) - 1)))
     knots = np.interp(np.arange(parts * (len(task.times) - 1) + 1) / parts, np.arange(len(task.times)), task.times)
     spline = make_interp_spline(knots, path_targets(task.tasks, knots), k=5)
-    return EquationOfMotion(
-        task=task,
-        targets=(spline, spline.derivative(), spline.derivative(2)),
-        sign=-1.0,
-        program=_terms_program(task, task.arm.mounted(gravity=(0.0, 0.0, 0.0))),
-    )
-
-
-def _terms_program(task: MotionTask, arm: Arm) -> Evaluator:
-    """Return the program of ``Terms``.
-
-    Its inputs are q, q̇, and the targets with two time derivatives. The path equations h(q, x) = 0 are satisfied along
-    the path: J q̇ + ∂h/∂x ẋ = 0, and its time derivative too.
-    """
+    # The program of ``Terms``, of q, q̇, and the targets with two time derivatives. The path equations h(q, x) = 0 are
+    # satisfied along the path: J q̇ + ∂h/∂x ẋ = 0, and its time derivative too.
+    arm = task.arm.mounted(gravity=(0.0, 0.0, 0.0))
     tape, dof, numbers = Tape(), arm.dof, task.targets.shape[1]
     inputs: list[Any] = [[tape.input() for _ in range(count)] for count in (dof, dof, numbers, numbers, numbers)]
     q, dq, *targets = inputs
@@ -151,14 +130,16 @@ def _terms_program(task: MotionTask, arm: Arm) -> Evaluator:
     torque = dynamics.torque_components(arm, q, dq, zero)
     forces = [as_entry(tape, value) for value in (*(value for column in inertia for value in column), *torque)]
     negated = [tape.apply(Op.NEGATE, value) for value in (*drift, *second_rate)]
-    return compile_evaluator(tape, [*jacobian, *negated, *forces])
+    return EquationOfMotion(
+        task=task,
+        targets=(spline, spline.derivative(), spline.derivative(2)),
+        sign=-1.0,
+        program=compile_evaluator(tape, [*jacobian, *negated, *forces]),
+    )
 
 
 def _solve_kkt(terms: Terms, force: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    """Return x with J x = ``rates`` and M x = ``force`` + Jᵀλ.
-
-    In closed form x = J_B⁺ rates + (I − J_B⁺J) M⁻¹ force. It is NaN at a singularity.
-    """
+    """Return x = J_B⁺ rates + (I − J_B⁺J) M⁻¹ force, with J x = ``rates``, M x = ``force`` + Jᵀλ; NaN if singular."""
     rows, dof = terms.jacobian.shape[1:]
     matrix = np.zeros((len(rates), dof + rows, dof + rows))
     matrix[:, :dof, :dof], matrix[:, dof:, :dof] = terms.inertia, terms.jacobian
@@ -189,10 +170,9 @@ OPTIONS = IntegrationOptions()
 def extremal_paths(
     task: MotionTask, start: Float[np.ndarray, "motions dof"], *, tolerance: Float[np.ndarray, " motions"]
 ) -> tuple[JointPaths, JointPaths]:
-    """Return positions and velocities of stationary kinetic energy.
+    """Return positions and velocities of stationary kinetic energy, NaN after a singularity.
 
-    They are NaN after a singularity. Raises InvalidInput for a cyclic task, a massless arm, starts off the path and
-    tolerances out of range.
+    Raises InvalidInput for a cyclic task, a massless arm, starts off the path and tolerances out of range.
     """
     check_tolerance(tolerance)
     equation = equation_of_motion(task)
@@ -209,10 +189,7 @@ def check_tolerance(tolerance: float | np.ndarray) -> None:
 
 
 def starts_on_path(task: MotionTask, start: np.ndarray | None) -> np.ndarray:
-    """Return postures (*batch, dof) on the path's first sample.
-
-    Raises InvalidInput for postures off the path.
-    """
+    """Return postures (*batch, dof) on the path's first sample; raises InvalidInput for others."""
     q = task.start if start is None else np.asarray(start, dtype=float)
     if q is None:
         raise InvalidInput("variational: start must be postures, got none, and the task has no start of its own")
@@ -233,10 +210,7 @@ def starts_on_path(task: MotionTask, start: np.ndarray | None) -> np.ndarray:
 def integrate_paths(
     equation: EquationOfMotion, q: np.ndarray, dq: np.ndarray, tolerance: float | np.ndarray
 ) -> tuple[JointPaths, JointPaths]:
-    """Return positions and velocities (motions, time, dof) on the path.
-
-    Every sample is retracted onto the path.
-    """
+    """Return positions and velocities (motions, time, dof), every sample retracted onto the path."""
     task = equation.task
     states = integrate(equation, np.concatenate([q, dq], axis=1), task.times, tolerance)
     near, rates = np.split(states, 2, axis=2)
@@ -254,10 +228,9 @@ def integrate(
     times: Float[np.ndarray, " time"],
     tolerance: float | Float[np.ndarray, " motions"],
 ) -> Float[np.ndarray, "motions time state"]:
-    """Return states at ``times``.
+    """Return states at ``times``, NaN from the first that a motion does not reach.
 
-    States are NaN from the first sample that a motion does not reach. ``tolerance`` is that of every step, for
-    positions and velocities, relative if these are larger than 1.
+    ``tolerance`` is that of every step, for positions and velocities, relative if these are larger than 1.
     """
     states = np.full((len(start), len(times), start.shape[1]), np.nan)
     duration = times[-1] - times[0]
@@ -270,47 +243,29 @@ def integrate(
             while len(active := np.flatnonzero((t < end) & (length > OPTIONS.shortest_step * duration))):
                 remaining = end - t[active]
                 step = np.minimum(length[active], remaining)
-                trial, last_rate, error = _step(equation, t[active], y[active], rate[active], step, allowed[active])
+                # One step of each motion, and its error in shares of the tolerance. Source: Dormand & Prince 1980.
+                before, h, stages = y[active], step[:, None], [rate[active]]
+                for row, share in zip(RK45.A[1:], RK45.C[1:], strict=True):
+                    stages.append(equation(t[active] + share * step, before + h * _combine(row, stages)))
+                trial = before + h * _combine(RK45.B, stages)
+                stages.append(equation(t[active] + step, trial))
+                size = np.maximum(1.0, np.maximum(np.abs(before), np.abs(trial)))
+                error = np.max(np.abs(h * _combine(RK45.E, stages)) / (allowed[active][:, None] * size), axis=1)
+                error = np.where(np.isfinite(error), error, np.inf)
                 accepted, whole = error <= 1, step == remaining
                 change = OPTIONS.safety * np.maximum(error, 1e-10) ** -0.2
                 proposal = step * np.clip(change, OPTIONS.smallest_change, OPTIONS.largest_change)
                 length[active] = np.where(accepted & whole, np.maximum(length[active], proposal), proposal)
                 moved = active[accepted]
                 t[moved] = np.where(whole, end, t[active] + step)[accepted]
-                y[moved], rate[moved] = trial[accepted], last_rate[accepted]
+                y[moved], rate[moved] = trial[accepted], stages[-1][accepted]
             arrived = t >= end
             states[arrived, sample] = y[arrived]
     return states
 
 
-def _step(
-    equation: EquationOfMotion,
-    t: np.ndarray,
-    y: np.ndarray,
-    rate: np.ndarray,
-    step: np.ndarray,
-    tolerance: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (state, rate, error over tolerance) after one step of each motion.
-
-    Source: Dormand & Prince 1980.
-    """
-    stages, h = [rate], step[:, None]
-    for row, share in zip(RK45.A[1:], RK45.C[1:], strict=True):
-        stages.append(equation(t + share * step, y + h * _combine(row, stages)))
-    trial = y + h * _combine(RK45.B, stages)
-    stages.append(equation(t + step, trial))
-    error = np.abs(h * _combine(RK45.E, stages))
-    allowed = tolerance[:, None] * np.maximum(1.0, np.maximum(np.abs(y), np.abs(trial)))
-    ratio = np.max(error / allowed, axis=1)
-    return trial, stages[-1], np.where(np.isfinite(ratio), ratio, np.inf)
-
-
 def _combine(weights: np.ndarray, stages: list[np.ndarray]) -> np.ndarray:
-    """Return Σ weights · stages, summed term by term.
-
-    A matrix product would round differently with the number of motions.
-    """
+    """Return Σ weights · stages, term by term: a matrix product would round with the number of motions."""
     total = weights[0] * stages[0]
     for weight, stage in zip(weights[1 : len(stages)], stages[1:], strict=True):
         total += weight * stage

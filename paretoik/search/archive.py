@@ -12,14 +12,7 @@ from numpy.typing import ArrayLike
 
 from paretoik.arrays import Constraints, Genes, Ids, Mask, Objectives
 from paretoik.inputs import check_size
-from paretoik.search.objectives import (
-    EQUALITY_TOLERANCE,
-    TOLERANCE,
-    Floats,
-    Integers,
-    column_tolerance,
-    violations,
-)
+from paretoik.search.objectives import EQUALITY_TOLERANCE, TOLERANCE, Floats, Integers, column_tolerance, violations
 
 
 @dataclass(frozen=True, kw_only=True)

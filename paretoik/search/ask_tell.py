@@ -18,14 +18,7 @@ from paretoik.search.archive import Archive, Failures
 from paretoik.search.genes import SMALLEST_POPULATION, check_algorithm, check_problem, checked_genes
 from paretoik.search.maximin import column, survivors
 from paretoik.search.nsga2 import MaxiMinNSGA2
-from paretoik.search.objectives import (
-    EQUALITY_TOLERANCE,
-    TOLERANCE,
-    Floats,
-    column_tolerance,
-    describe_objectives,
-    violations,
-)
+from paretoik.search.objectives import EQUALITY_TOLERANCE, TOLERANCE, column_tolerance, describe_objectives, violations
 from paretoik.tables import field_representation, html_representation
 
 if TYPE_CHECKING:
@@ -46,26 +39,16 @@ class Candidates:
     _repr_html_ = html_representation
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """Results of evaluated rows, and ``causes`` of failure by row or id."""
-
-    F: Objectives
-    G: Floats
-    H: Floats
-    causes: dict[int, str]
-
-    @classmethod
-    def of(cls, problem: Any, results: Mapping[str, Any], rows: int) -> Outcome:
-        """Return the outcome of results "F", "G", "H" and "cause"; missing ones are NaN for ``rows`` rows."""
-        columns = {"F": problem.n_obj, "G": problem.n_ieq_constr, "H": problem.n_eq_constr}
-        tables = {k: np.asarray(results.get(k, np.full((rows, size), np.nan))) for k, size in columns.items()}
-        causes = {row: str(cause) for row, cause in enumerate(results.get("cause", ())) if cause}
-        return cls(**tables, causes=causes)
+def outcome_of(problem: Any, results: Mapping[str, Any], rows: int) -> dict[str, np.ndarray]:
+    """Return "F", "G", "H" and "cause" of rows; missing numbers are NaN, a cause of no failure is ""."""
+    columns = {"F": problem.n_obj, "G": problem.n_ieq_constr, "H": problem.n_eq_constr}
+    tables = {k: np.asarray(results.get(k, np.full((rows, size), np.nan))) for k, size in columns.items()}
+    causes = [str(cause) if cause else "" for cause in results.get("cause", [""] * rows)]
+    return {**tables, "cause": np.array(causes, dtype=np.str_)}
 
 
 def archive_front(search: Any, points: int | None) -> Front:
-    """Return the front of a search's archive; MaxiMin thins it to ``points`` points (None: all)."""
+    """Return the front of a search's archive, thinned by MaxiMin to at most ``points`` points (None: all)."""
     from paretoik.front.front import Front  # imported here, because it is slow
 
     check_count("points", points)
@@ -94,8 +77,7 @@ class Search:
     """An evolutionary search by generations: ``ask`` for genes, ``tell`` their objectives and constraints.
 
     The problem is a pymoo problem with real genes. It may name its objectives (``names``, ``units``, ``maximised``),
-    turn genes into motions (``decode(X)``), and offer its own ``algorithm(population, offspring=, initial=)``. The
-    attribute ``archive`` contains every non-dominated point so far.
+    turn genes into motions (``decode(X)``), and offer its own ``algorithm(population, offspring=, initial=)``.
 
     - ``population``: individuals per generation
     - ``seed``: source of all random numbers
@@ -106,6 +88,10 @@ class Search:
     - ``anchors``: number of first generations in which each objective is optimised separately; then all objectives are
       searched together, from the best of each. The end of a front may be in a basin that is dominated except at its
       bottom.
+
+    It also has the attributes ``archive``: every non-dominated point so far; ``generation``:
+    number of completed generations, the index of the current one; ``evaluations``: number of evaluations in them,
+    failed ones too; ``population``: minimised objectives (individuals, n_obj) of the population, inf in failed rows.
 
     Raises InvalidInput for an invalid size, seed, bound or initial gene, by name and value.
     """
@@ -134,7 +120,7 @@ class Search:
         initial = None if initial is None else checked_genes(problem, initial)
         self.problem = problem
         self._prototype = algorithm
-        self._size, self._offspring, self._seed, self._initial = int(population), offspring, int(seed), initial
+        self._size, self._offspring, self.seed, self._initial = int(population), offspring, int(seed), initial
         self._stages = problem.n_obj if anchors and problem.n_obj > 1 else 0  # objectives first searched separately
         self._anchors, self._stage = anchors, 0
         self._anchor_genes: Genes = np.empty((0, problem.n_var))  # best genes of each stage
@@ -145,36 +131,19 @@ class Search:
         equality_tolerance = getattr(survival, "equality_tolerance", EQUALITY_TOLERANCE)
         self.tolerances: dict[str, Any] = {"tolerance": tolerance, "equality_tolerance": equality_tolerance}
         self.archive = Archive(names=self.names, **self.tolerances)
-        self._generation = 0
-        self._evaluations = 0
-        self._population: Objectives = np.empty((0, problem.n_obj))
+        self.generation, self.evaluations = 0, 0
+        self.population: Objectives = np.empty((0, problem.n_obj))
         self._suggested: Genes = np.empty((0, problem.n_var))
         self._candidates: Candidates | None = None
         self._infills: Any = None
-        self._outcome: Outcome | None = None
+        self._outcome: dict[str, np.ndarray] = {}
+        self._causes: dict[int, str] = {}  # reasons of failure by id
         self._evaluated: Mask = np.zeros(0, dtype=bool)
 
     def __repr__(self) -> str:
-        return (
-            f"Search of {type(self.problem).__name__}: generation {self._generation}, {self._evaluations} evaluations"
-        )
+        return f"Search of {type(self.problem).__name__}: generation {self.generation}, {self.evaluations} evaluations"
 
     _repr_html_ = html_representation
-
-    @property
-    def seed(self) -> int:
-        """Seed of all random numbers."""
-        return self._seed
-
-    @property
-    def generation(self) -> int:
-        """Number of completed generations, which is the index of the current one."""
-        return self._generation
-
-    @property
-    def evaluations(self) -> int:
-        """Number of evaluations in completed generations, including failed ones."""
-        return self._evaluations
 
     @property
     def failed(self) -> Failures:
@@ -182,25 +151,18 @@ class Search:
         return self.archive.failed
 
     @property
-    def population(self) -> Objectives:
-        """Minimised objectives (individuals, n_obj) of the population; failed rows are inf."""
-        return self._population
-
-    @property
     def front(self) -> Front:
         """The archive's front in the user's own sign, with motions if the problem decodes genes."""
         return self.front_of(None)
 
-    def front_of(self, points: int | None) -> Front:
-        """Return the front, thinned by MaxiMin to at most ``points`` points (None: all)."""
-        return archive_front(self, points)
+    front_of = archive_front
 
     def ask(self) -> Candidates:
         """Return the candidates to evaluate; the same object until all of them are told."""
         if self._candidates is None:
             self._infills = self._algorithm.ask()
             if self._infills is None:
-                raise InvalidInput(f"algorithm must return new genes, got none in generation {self._generation}")
+                raise InvalidInput(f"algorithm must return new genes, got none in generation {self.generation}")
             n = len(self._infills)
             X = column(self._infills, "X")
             now, self._suggested = self._suggested[:n], self._suggested[n:]
@@ -208,10 +170,10 @@ class Search:
             X.flags.writeable = False
             for individual, genes in zip(self._infills, X, strict=True):
                 individual.X = genes
-            ids = np.arange(self._evaluations, self._evaluations + n)
+            ids = np.arange(self.evaluations, self.evaluations + n)
             ids.flags.writeable = False
-            self._candidates = Candidates(ids, X, self._generation)
-            self._outcome = Outcome.of(self.problem, {}, n)
+            self._candidates = Candidates(ids, X, self.generation)
+            self._outcome, self._causes = outcome_of(self.problem, {}, n), {}
             self._evaluated = np.zeros(n, dtype=bool)
         return self._candidates
 
@@ -238,29 +200,34 @@ class Search:
         numbers = integer_array("ids", ids)
         if numbers.ndim != 1:
             raise InvalidInput(f"ids must be a list of integers, got shape {numbers.shape}")
-        if self._candidates is None or self._outcome is None:
+        if self._candidates is None:
             raise InvalidInput("ids must be of an asked generation, got some before ask()")
         first, last = int(self._candidates.ids[0]), int(self._candidates.ids[-1])
         for number in numbers[(numbers < first) | (numbers > last)]:
             raise InvalidInput(f"ids must be among those asked, {first} to {last}, got {number}")
-        rows, outcome = numbers - first, self._outcome
+        rows = numbers - first
         unique, counts = np.unique(rows, return_counts=True)
         for row in unique[(counts > 1) | self._evaluated[unique]]:
             raise InvalidInput(f"ids must be told once each, got {first + row} again")
         if not isinstance(causes, Mapping | None):
             raise InvalidInput(f"causes must be words by id, got {shown(causes)}")
-        values = _table("F", F, len(rows), self.problem.n_obj)
-        inequalities = _table("G", G, len(rows), self.problem.n_ieq_constr)
-        equalities = _table("H", H, len(rows), self.problem.n_eq_constr)
-        outcome.F[rows], outcome.G[rows], outcome.H[rows] = values, inequalities, equalities
-        outcome.causes.update(causes or {})
+        tables = {}
+        for name, values in (("F", F), ("G", G), ("H", H)):
+            table = np.empty((len(rows), 0)) if values is None else real_array(name, values)
+            if table.shape != (shape := (len(rows), self._outcome[name].shape[1])):
+                fact = "nothing" if values is None else f"shape {table.shape}"
+                raise InvalidInput(f"{name} must be real numbers of shape {shape}, got {fact}")
+            tables[name] = table.astype(float)
+        for name, table in tables.items():
+            self._outcome[name][rows] = table
+        self._causes.update(causes or {})
         self._evaluated[rows] = True
         if self._evaluated.all():
-            self._advance(self._candidates, outcome)
+            self._advance(self._candidates)
 
-    def _advance(self, candidates: Candidates, outcome: Outcome) -> None:
-        F, G, H, ids = outcome.F, outcome.G, outcome.H, candidates.ids
-        self.archive.add(ids, candidates.X, F, G, self._generation, H=H, causes=outcome.causes)
+    def _advance(self, candidates: Candidates) -> None:
+        F, G, H, ids = self._outcome["F"], self._outcome["G"], self._outcome["H"], candidates.ids
+        self.archive.add(ids, candidates.X, F, G, self.generation, H=H, causes=self._causes)
         violation = violations(F, G, H, **self.tolerances)
         usable = np.where(np.isfinite(F).all(axis=1, keepdims=True), F, np.inf)
         axes = slice(self._stage, self._stage + 1) if self._stage < self._stages else slice(None)
@@ -271,11 +238,11 @@ class Search:
             individual.evaluated = {"F", "G", "H"}
         self._algorithm.evaluator.n_eval += len(ids)
         self._algorithm.tell(infills=self._infills)
-        self._population = np.array([individual.data["objectives"] for individual in self._algorithm.pop])
-        self._generation += 1
-        self._evaluations += len(ids)
-        self._candidates = self._infills = self._outcome = None
-        if self._stage < self._stages and self._generation == (self._stage + 1) * self._anchors:
+        self.population = np.array([individual.data["objectives"] for individual in self._algorithm.pop])
+        self.generation += 1
+        self.evaluations += len(ids)
+        self._candidates = self._infills = None
+        if self._stage < self._stages and self.generation == (self._stage + 1) * self._anchors:
             # next: search one objective from the initial genes, or all objectives from the best of each
             best = column(self._algorithm.pop, "X")[: self._size // (4 * self._stages)]
             self._anchor_genes = np.concatenate((self._anchor_genes, best))
@@ -297,18 +264,10 @@ class Search:
             algorithm = self.problem.algorithm(self._size, offspring=self._offspring, initial=initial)
         else:
             algorithm = MaxiMinNSGA2(pop_size=self._size, n_offsprings=self._offspring, sampling=initial)
-        seed = seed_of(self._seed, self._stage) if self._stages else self._seed
+        seed = seed_of(self.seed, self._stage) if self._stages else self.seed
         return algorithm.setup(self.problem, seed=seed, termination=NoTermination())
 
 
 def seed_of(seed: int, part: int) -> int:
     """Return the seed of a part of a search: a stage or an island."""
     return int(np.random.SeedSequence([seed, part]).generate_state(1)[0])
-
-
-def _table(name: str, values: ArrayLike | None, rows: int, columns: int) -> Floats:
-    table = np.empty((rows, 0)) if values is None else real_array(name, values)
-    if table.shape != (rows, columns):
-        fact = "nothing" if values is None else f"shape {table.shape}"
-        raise InvalidInput(f"{name} must be real numbers of shape ({rows}, {columns}), got {fact}")
-    return table.astype(float)

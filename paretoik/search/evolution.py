@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -19,7 +19,7 @@ from paretoik.errors import EvaluationFailed, InvalidInput, InvalidRun, warn_use
 from paretoik.inputs import cause_of, limited_call, user_function, warn_of_odd_objectives
 from paretoik.runs.distribution import Lost, distribute, workers
 from paretoik.runs.journal import Values, key_of, recalled, remembered
-from paretoik.search.ask_tell import Candidates, Outcome, Search
+from paretoik.search.ask_tell import Candidates, Search, outcome_of
 from paretoik.search.endings import Ending, Progress
 from paretoik.search.islands import Islands
 from paretoik.search.objectives import Floats
@@ -70,31 +70,21 @@ class _CheckedEvaluation:
                     raise InvalidInput(f"{wish}, got {fact}")
 
 
-def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
-    """Return the outcome of a batch; if it raises, evaluate row by row."""
+def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Values:
+    """Return "F", "G", "H" and "cause" of a batch; if it raises, evaluate row by row."""
     try:
         ours = type(problem).__module__.startswith("paretoik.")  # these limit each user function themselves
         with user_function("the problem"), nullcontext() if ours else limited_call("the problem"):
-            return Outcome.of(problem, evaluate(X.copy()), len(X))
+            return outcome_of(problem, evaluate(X.copy()), len(X))
     except EvaluationFailed as failure:
         if len(X) <= 1:
-            return replace(Outcome.of(problem, {}, len(X)), causes=dict.fromkeys(range(len(X)), str(failure)))
-    return joined([(np.array([row]), evaluate_rows(problem, evaluate, X[row : row + 1])) for row in range(len(X))])[1]
+            return outcome_of(problem, {"cause": [str(failure)] * len(X)}, len(X))
+    rows = [evaluate_rows(problem, evaluate, X[row : row + 1]) for row in range(len(X))]
+    return {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
 
 
-def joined(parts: Sequence[tuple[Rows, Outcome]]) -> tuple[Rows, Outcome]:
-    """Return the rows in order without repeats, and their outcome."""
-    if len(parts) == 1:
-        return parts[0]
-    rows = np.concatenate([rows for rows, _ in parts])
-    order = np.unique(rows, return_index=True)[1]
-    F, G, H = (np.concatenate([getattr(part, name) for _, part in parts])[order] for name in ("F", "G", "H"))
-    causes = {int(rows[i]): cause for rows, part in parts for i, cause in part.causes.items()}
-    rows = rows[order]
-    return rows, Outcome(F=F, G=G, H=H, causes={i: causes[row] for i, row in enumerate(rows.tolist()) if row in causes})
-
-
-# Evaluation of a generation, from the run's journal, in this process or in workers.
+# Evaluation of a generation, from the run's journal, in this process or in workers. A part of a generation has its
+# "rows" next to their outcome.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,17 +122,21 @@ class Evaluation:
         return isinstance(self.runner, LoopedElementwiseEvaluation)
 
     @property
-    def has_own_runner(self) -> bool:
-        """Whether the problem has its own runner that evaluates rows elsewhere."""
-        return self.runner is not None and not self.is_row_by_row
+    def uses_workers(self) -> bool:
+        """Whether rows go to workers; a problem's own runner already evaluates elsewhere."""
+        return bool(workers()) and (self.runner is None or self.is_row_by_row)
 
     @property
     def rows_of_a_task(self) -> int:
         """Number of rows per task of a worker, which are timed together."""
         return 1 if self.is_row_by_row or self.seconds is not None else OPTIONS.rows
 
+    def __call__(self, X: Genes) -> Values:
+        """Return the outcome of rows, also in a worker."""
+        return evaluate_rows(self.problem, self.evaluate, X)
 
-def evaluate_candidates(search: Search | Islands, candidates: Candidates, evaluation: Evaluation) -> Outcome:
+
+def evaluate_candidates(search: Search | Islands, candidates: Candidates, evaluation: Evaluation) -> Values:
     """Return the outcome of a generation, from the run's journal if it is there.
 
     Raises InvalidRun if the journal has the outcome of other genes: then the search is not reproducible. Raises
@@ -155,7 +149,7 @@ def evaluate_candidates(search: Search | Islands, candidates: Candidates, evalua
     def compute() -> Values:
         if candidates.generation == 0:
             _check_rows_alone(evaluation, candidates.X)
-        return _table(_evaluate(evaluation, candidates.X, of)) | {"genes": genes}
+        return {**_evaluate(evaluation, candidates.X, of), "genes": genes}
 
     values = remembered(key_of("generation", *of), compute)
     if not np.array_equal(values["genes"], genes):
@@ -163,90 +157,88 @@ def evaluate_candidates(search: Search | Islands, candidates: Candidates, evalua
             f"generation {candidates.generation + 1} must have the genes in the run's journal, got others: "
             "the problem, a library's version or the processor has changed"
         )
-    return _outcome(values)
+    return values
 
 
 def evaluate_again(search: Search | Islands, candidates: Candidates, evaluation: Evaluation) -> Objectives:
-    """Return F of a generation's first individual from a second evaluation.
-
-    A resumed run reads it from its journal if it is there.
-    """
-    of = search.names, search.seed, candidates.generation, "again"
-
-    def compute() -> Values:
-        return _table(_evaluate(evaluation, candidates.X[:1], of))
-
-    return remembered(key_of("again", search.names, search.seed, candidates.generation), compute)["F"]
+    """Return F of a generation's first individual from a second evaluation, or from the run's journal."""
+    of = search.names, search.seed, candidates.generation
+    key = key_of("again", *of)
+    return remembered(key, lambda: _evaluate(evaluation, candidates.X[:1], (*of, "again")))["F"]
 
 
-def _evaluate(evaluation: Evaluation, X: Genes, of: tuple[object, ...]) -> Outcome:
+def _evaluate(evaluation: Evaluation, X: Genes, of: tuple[object, ...]) -> Values:
     """Return the outcome of all rows.
 
     Parts that are in the journal are not evaluated again; new parts are written to it at intervals.
     """
-    done, new, since = list[tuple[Rows, Outcome]](), list[tuple[Rows, Outcome]](), time.monotonic()
+    done, new, since = list[Values](), list[Values](), time.monotonic()
     while (values := recalled(key_of("rows", *of, X, len(done)))) is not None:
-        done.append((values["rows"], _outcome(values)))
+        done.append(values)
 
     def missing() -> Rows:
-        known = [rows for rows, _ in (*done, *new)]
-        return np.setdiff1d(np.arange(len(X)), np.concatenate([[], *known])).astype(int)
+        return np.setdiff1d(np.arange(len(X)), np.concatenate([[], *(part["rows"] for part in (*done, *new))])).astype(
+            int
+        )
 
     def remember() -> None:
         """Write the new parts as one journal entry, unless no row is missing."""
         if new and len(missing()):
-            rows, outcome = joined(new)
-            remembered(key_of("rows", *of, X, len(done)), lambda: {"rows": rows, **_table(outcome)})
-            done.append((rows, outcome))
+            part = _joined(new)
+            remembered(key_of("rows", *of, X, len(done)), lambda: part)
+            done.append(part)
             new.clear()
 
-    where = _evaluate_in_workers if workers() and not evaluation.has_own_runner else _evaluate_here
+    where = _evaluate_in_workers if evaluation.uses_workers else _evaluate_here
     try:
-        for rows, outcome in where(evaluation, X, missing()):
-            new.append((rows, outcome))
+        for part in where(evaluation, X, missing()):
+            new.append(part)
             if time.monotonic() - since >= OPTIONS.seconds / 2:
                 since = time.monotonic()
                 remember()
             check_interruption()
     finally:
         remember()
-    parts = [*done, *new]
-    return joined(parts)[1] if parts else evaluate_rows(evaluation.problem, evaluation.evaluate, X)
+    return _joined([*done, *new]) if done or new else evaluation(X)
 
 
-def _evaluate_here(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[tuple[Rows, Outcome]]:
-    """Yield rows with their outcome: all at once, or in groups that fit the time."""
+def _joined(parts: Sequence[Values]) -> Values:
+    """Return parts as one, in the order of their rows and without repeats."""
+    order = np.unique(np.concatenate([part["rows"] for part in parts]), return_index=True)[1]
+    return {name: np.concatenate([part[name] for part in parts])[order] for name in parts[0]}
+
+
+def _evaluate_here(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[Values]:
+    """Yield the outcome of rows: all at once, or in groups that fit the time."""
     size = 1 if evaluation.is_row_by_row else max(len(X), 1)
     while len(rows):
         begin, part = time.monotonic(), rows[:size]
-        yield part, evaluate_rows(evaluation.problem, evaluation.evaluate, X[part])
+        yield {"rows": part, **evaluation(X[part])}
         each = max(time.monotonic() - begin, 1e-9) / size
         rows, size = rows[size:], max(1, int(OPTIONS.seconds / each))
 
 
-def _evaluate_in_workers(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[tuple[Rows, Outcome]]:
-    """Yield rows with their outcome as workers return them.
+def _evaluate_in_workers(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[Values]:
+    """Yield the outcome of rows as workers return them.
 
     Rows of a lost group are evaluated again one by one; a single row that is lost has failed.
     """
     size = evaluation.rows_of_a_task
     groups = [rows[first : first + size] for first in range(0, len(rows), size)]
-    again = list[Rows]()
-    results = distribute(_evaluate_group, evaluation, [X[group] for group in groups], seconds=evaluation.seconds)
-    for place, values in results:
-        if not isinstance(values, Lost):
-            yield groups[place], _outcome(values)
-        elif len(groups[place]) > 1:
-            again += [groups[place][i : i + 1] for i in range(len(groups[place]))]
-        else:
-            yield groups[place], _failed(evaluation, values)
-    for place, values in distribute(_evaluate_group, evaluation, [X[row] for row in again]):
-        yield again[place], _failed(evaluation, values) if isinstance(values, Lost) else _outcome(values)
-
-
-def _evaluate_group(evaluation: Evaluation, X: Genes) -> Values:
-    """Return the outcome of rows as plain arrays (in a worker)."""
-    return _table(evaluate_rows(evaluation.problem, evaluation.evaluate, X))
+    seconds = evaluation.seconds
+    while groups:
+        again = list[Rows]()
+        for place, values in distribute(
+            Evaluation.__call__, evaluation, [X[group] for group in groups], seconds=seconds
+        ):
+            group = groups[place]
+            if not isinstance(values, Lost):
+                yield {"rows": group, **values}
+            elif len(group) > 1:
+                again += np.split(group, len(group))
+            else:
+                yield {"rows": group, **outcome_of(evaluation.problem, {"cause": [values.cause]}, 1)}
+        groups, seconds = again, None
 
 
 def _check_rows_alone(evaluation: Evaluation, X: Genes) -> None:
@@ -255,10 +247,10 @@ def _check_rows_alone(evaluation: Evaluation, X: Genes) -> None:
     Workers evaluate other batches: their values then differ, by rounding, from those without workers.
     """
     size = evaluation.rows_of_a_task
-    if not workers() or evaluation.has_own_runner or size == 1 or len(X) <= size:
+    if not evaluation.uses_workers or size == 1 or len(X) <= size:
         return
     items = [X[:size], X[size : 2 * size], X[: 2 * size]]
-    tables: dict[int, Any] = dict(distribute(_evaluate_group, evaluation, items))
+    tables: dict[int, Any] = dict(distribute(Evaluation.__call__, evaluation, items))
     if any(isinstance(table, Lost) for table in tables.values()):
         return
     for name in ("F", "G", "H"):
@@ -267,24 +259,6 @@ def _check_rows_alone(evaluation: Evaluation, X: Genes) -> None:
             text = f"workers must get rows whose values do not depend on other rows, got a problem whose {name} does"
             warn_user(f"{text}; without workers the results differ by rounding")
             return
-
-
-def _failed(evaluation: Evaluation, lost: Lost) -> Outcome:
-    outcome = Outcome.of(evaluation.problem, {}, 1)
-    outcome.causes[0] = lost.cause
-    return outcome
-
-
-def _table(outcome: Outcome) -> dict[str, np.ndarray]:
-    """Return an outcome as plain arrays."""
-    failed, causes = np.array(list(outcome.causes), dtype=np.int64), np.array(list(outcome.causes.values()), np.str_)
-    return {"F": outcome.F, "G": outcome.G, "H": outcome.H, "failed": failed, "causes": causes}
-
-
-def _outcome(values: Mapping[str, np.ndarray]) -> Outcome:
-    """Return an outcome from plain arrays."""
-    causes = dict(zip(values["failed"].tolist(), values["causes"].tolist(), strict=True))
-    return Outcome(F=values["F"], G=values["G"], H=values["H"], causes=causes)
 
 
 # The loop of a search.
@@ -324,8 +298,10 @@ def evolve(
             candidates = search.ask()
             ids = candidates.ids
             outcome = evaluate_candidates(search, candidates, evaluation)
-            causes = {int(ids[row]): cause for row, cause in outcome.causes.items()}
-            search.tell(ids, outcome.F, outcome.G, H=outcome.H, causes=causes)
+            causes = {
+                number: cause for number, cause in zip(ids.tolist(), outcome["cause"].tolist(), strict=True) if cause
+            }
+            search.tell(ids, outcome["F"], outcome["G"], H=outcome["H"], causes=causes)
             if candidates.generation == 0 and search.failed.count == len(ids):
                 raise EvaluationFailed(
                     f"first generation must have at least one number, got {len(ids)} failed evaluations, "
@@ -333,8 +309,8 @@ def evolve(
                 )
             if candidates.generation == 0:
                 again, signs = evaluate_again(search, candidates, evaluation), np.where(search.maximised, -1.0, 1.0)
-                warn_of_odd_objectives(search.names, outcome.F * signs, again * signs)
-            progress = _progress(search, past, computing_clock() - started)
+                warn_of_odd_objectives(search.names, outcome["F"] * signs, again * signs)
+            progress = progress_of(search, past, computing_clock() - started)
             if observe is not None:
                 observe(progress)
             for ending in endings:
@@ -348,7 +324,8 @@ def evolve(
         return "interrupted"
 
 
-def _progress(search: Search | Islands, past: tuple[Floats, ...], seconds: float) -> Progress:
+def progress_of(search: Search | Islands, past: tuple[Floats, ...], seconds: float) -> Progress:
+    """Return the progress of a search after ``seconds``, with ``past`` fronts."""
     return Progress(
         generation=search.generation,
         evaluations=search.evaluations,

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from paretoik.arrays import Genes, Ids, Objectives
-from paretoik.front.front import Front
 from paretoik.inputs import check_size
 from paretoik.search.archive import Archive, Failures
 from paretoik.search.ask_tell import Candidates, Search, archive_front, seed_of
@@ -91,9 +90,7 @@ class Islands:
         """Minimised objectives (individuals, n_obj) of all islands' populations; failed rows are inf."""
         return np.concatenate([search.population for search in self._searches])
 
-    def front_of(self, points: int | None) -> Front:
-        """Return the front of all islands, thinned by MaxiMin to at most ``points`` points (None: all)."""
-        return archive_front(self, points)
+    front_of = archive_front
 
     def ask(self) -> Candidates:
         """Return the candidates of all islands; the same object until all of them are told."""

@@ -150,10 +150,8 @@ def insertion_distances(objectives, count, x, y, distance, queue):
         begin, end = np.uint64(queue[taken, 0]), np.uint64(queue[taken, 1])
         taken += ONE
         x0, y0, x1, y1 = x[begin], y[begin], x[end], y[end]
-        low, length = (
-            begin + ONE,
-            end - begin - ONE,
-        )  # the first point that is not nearer to the beginning than to the end
+        # the first point that is not nearer to the beginning than to the end
+        low, length = begin + ONE, end - begin - ONE
         while length > ONE:
             half = length >> ONE
             u, v = x[low + half - ONE], y[low + half - ONE]
@@ -224,9 +222,6 @@ def keep_farthest(front, objectives, distance, count, capacity, spare, other):
 # has failed.
 
 
-AXIS_WEIGHT = 1e6  # weight of the other objectives in the achievement function along an axis
-
-
 @compiled
 def rank_points(F, rank, spare):
     """Write the non-domination rank of every point; failed points come last. For any number of objectives."""
@@ -269,7 +264,6 @@ def select_by_distance(F, rank, capacity, chosen, distance, Z, nearest, members,
     """
     objectives, total = F.shape
     # objectives scaled by the ideal and nadir of the first rank
-    objectives, total = F.shape
     for m in range(objectives):
         ideal, nadir = np.inf, -np.inf
         for k in range(total):
@@ -279,7 +273,6 @@ def select_by_distance(F, rank, capacity, chosen, distance, Z, nearest, members,
             scaled = nadir - ideal > RANGE_TOLERANCE and rank[k] < total
             Z[m, k] = (F[m, k] - ideal) / (nadir - ideal) if scaled else 0.0
     # the points sorted by rank; ``begins[r]`` is then the end of rank r
-    total = rank.shape[0]
     for k in range(total + 2):
         begins[k] = 0
     for k in range(total):
@@ -323,7 +316,7 @@ def select_by_distance(F, rank, capacity, chosen, distance, Z, nearest, members,
 
 @compiled
 def _choose_extremes(Z, members, capacity, chosen, distance, nearest):
-    """Choose the first points: the minimisers of the achievement function along each axis."""
+    """Choose the first points: minimisers of each axis' achievement function, weight 1e6 on other objectives."""
     objectives, count = Z.shape[0], 0
     for axis in range(objectives):
         best, smallest = -1, np.inf
@@ -331,7 +324,7 @@ def _choose_extremes(Z, members, capacity, chosen, distance, nearest):
             achievement = -np.inf
             for m in range(objectives):
                 value = Z[m, members[i]]
-                achievement = max(achievement, value if m == axis else value * AXIS_WEIGHT)
+                achievement = max(achievement, value if m == axis else value * 1e6)
             if best < 0 or achievement < smallest:
                 best, smallest = i, achievement
         if nearest[best] >= 0.0 and count < capacity:

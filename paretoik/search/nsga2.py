@@ -50,9 +50,8 @@ from paretoik.tables import html_representation
 class MatingOptions:
     """Settings of mating; they have no source."""
 
-    even_share: float = (
-        0.5  # share of tournaments spread evenly over species: a species that is behind may win in the end
-    )
+    # share of tournaments spread evenly over species: a species that is behind may win in the end
+    even_share: float = 0.5
     migration_probability: float = 0.05  # probability that an offspring moves to another species
     rounds: int = 20  # largest number of rounds of mating to get new offspring
 
@@ -117,8 +116,19 @@ class BranchwiseMating:
 
     def _offspring(self, problem: Any, parents: Parents, count: int, rng: np.random.Generator) -> Genes:
         matings = -(-count // self.crossover.n_offsprings)
-        chosen = self._select_parents(parents, matings, rng)
-        couples = parents.X[chosen]
+        pool = np.concatenate([rng.permutation(len(parents.X)) for _ in range(-(-2 * matings // len(parents.X)))])
+        rivals = pool[: 2 * matings].reshape(2, matings)
+        labels, members = np.unique(parents.species, return_index=True)
+        if len(labels) > 1:  # some rivals are of one species; each species is equally likely
+            even = np.less(rng.random(matings), OPTIONS.even_share)
+            individuals = members[rng.integers(0, len(labels), size=int(even.sum()))]
+            for rival in rivals:
+                rival[even] = _draw_from_species(parents.species, individuals, rng)
+        first = self._select_winners(parents, rivals[0], rivals[1], rng)
+        others = np.split(_draw_from_species(parents.species, np.concatenate((first, first)), rng), 2)
+        if self.crossover.n_parents == 2:
+            others = [self._select_winners(parents, others[0], others[1], rng)]
+        couples = parents.X[np.stack((first, *others))]
         reach = within_reach(problem, parents.X, self.widths)
         children = np.array(self.crossover._do(reach, couples, random_state=rng))
         uncrossed = rng.random(matings) >= get(self.crossover.prob)
@@ -142,21 +152,6 @@ class BranchwiseMating:
             else:
                 mutated[migrants, gene] = labels + 0.5
         return mutated
-
-    def _select_parents(self, parents: Parents, matings: int, rng: np.random.Generator) -> Integers:
-        pool = np.concatenate([rng.permutation(len(parents.X)) for _ in range(-(-2 * matings // len(parents.X)))])
-        rivals = pool[: 2 * matings].reshape(2, matings)
-        labels, members = np.unique(parents.species, return_index=True)
-        if len(labels) > 1:  # some rivals are of one species; each species is equally likely
-            even = np.less(rng.random(matings), OPTIONS.even_share)
-            individuals = members[rng.integers(0, len(labels), size=int(even.sum()))]
-            for rival in rivals:
-                rival[even] = _draw_from_species(parents.species, individuals, rng)
-        first = self._select_winners(parents, rivals[0], rivals[1], rng)
-        others = _draw_from_species(parents.species, np.concatenate((first, first)), rng)
-        if self.crossover.n_parents == 3:
-            return np.stack((first, others[:matings], others[matings:]))
-        return np.stack((first, self._select_winners(parents, others[:matings], others[matings:], rng)))
 
     def _select_winners(self, parents: Parents, a: Integers, b: Integers, rng: np.random.Generator) -> Integers:
         """Return the index of each pair's better one: less violation, better rank, larger spacing, random."""
@@ -269,16 +264,14 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
         initial = self.sampling
         if isinstance(initial, Sampling):
             initial = initial.do(self.problem, self.pop_size, random_state=self.random_state)
-        if self._own_operators is not None:
-            return self._sampled(initial, *self._own_operators)
-        individuals = initial if isinstance(initial, Population) else Population()
-        X = individuals.get("X") if isinstance(initial, Population) else initial
-        X = seeded_population(self.problem, self.pop_size, X, rng=self.random_state)
-        by_genes = {np.asarray(individual.X, dtype=float).tobytes(): individual for individual in individuals}
-        return Population([by_genes.get(row.tobytes()) or Individual(X=row) for row in X])
-
-    def _sampled(self, initial: Any, sampling: Any, mating: Any) -> Any:
-        """Return the first population of genes that are not real numbers: given ones, then pymoo's samples."""
+        if self._own_operators is None:
+            individuals = initial if isinstance(initial, Population) else Population()
+            X = individuals.get("X") if isinstance(initial, Population) else initial
+            X = seeded_population(self.problem, self.pop_size, X, rng=self.random_state)
+            by_genes = {np.asarray(individual.X, dtype=float).tobytes(): individual for individual in individuals}
+            return Population([by_genes.get(row.tobytes()) or Individual(X=row) for row in X])
+        # genes that are not real numbers: given ones, then pymoo's samples
+        sampling, mating = self._own_operators
         first = initial if isinstance(initial, Population) else Population.new("X", [] if initial is None else initial)
         if len(first) > self.pop_size:
             raise InvalidInput(f"sampling must have at most {self.pop_size} individuals, got {len(first)}")

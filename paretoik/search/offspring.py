@@ -14,10 +14,11 @@ from paretoik.search.sorted_points import ONE, ZERO
 # 2014): a counter with mixed bits. A state is an array of one unsigned integer.
 
 
-GOLDEN_GAMMA = np.uint64(0x9E3779B97F4A7C15)
-FIRST_FACTOR, SECOND_FACTOR = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+# the golden gamma, both factors, and a mask of the lower half
+GAMMA, FIRST_FACTOR, SECOND_FACTOR, LOWER_HALF = (
+    np.uint64(number) for number in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB, 0xFFFFFFFF)
+)
 U11, U27, U30, U31, U32 = np.uint64(11), np.uint64(27), np.uint64(30), np.uint64(31), np.uint64(32)
-LOWER_HALF = np.uint64(0xFFFFFFFF)
 
 
 @compiled
@@ -31,13 +32,13 @@ def mix(z):
 @compiled
 def seed_stream(state, seed, step):
     """Set a state to the beginning of the stream for a seed and a step."""
-    state[0] = mix(mix(np.uint64(seed) + GOLDEN_GAMMA) ^ (np.uint64(step) * GOLDEN_GAMMA))
+    state[0] = mix(mix(np.uint64(seed) + GAMMA) ^ (np.uint64(step) * GAMMA))
 
 
 @compiled
 def next_bits(state):
     """Return the next 64 bits."""
-    state[0] += GOLDEN_GAMMA
+    state[0] += GAMMA
     return mix(state[0])
 
 
@@ -46,8 +47,8 @@ def draw_bits(state, numbers):
     """Write the next 64 bits to each of ``numbers`` (vectorised)."""
     origin = state[0]
     for k in range(numbers.shape[0]):
-        numbers[k] = mix(origin + GOLDEN_GAMMA * np.uint64(k + 1))
-    state[0] = origin + GOLDEN_GAMMA * np.uint64(numbers.shape[0])
+        numbers[k] = mix(origin + GAMMA * np.uint64(k + 1))
+    state[0] = origin + GAMMA * np.uint64(numbers.shape[0])
 
 
 @compiled
@@ -77,9 +78,6 @@ def lower_integer(bits, count):
 # Offspring: tournaments, crossover and replacement of a gene.
 
 
-HALF_RANGE = 1 << 32  # number of integers that half of 64 bits represents
-
-
 @compiled
 def tournament(bits, fitness, count):
     """Return the place of the fitter of two random individuals; the first if equal.
@@ -93,7 +91,8 @@ def tournament(bits, fitness, count):
 @compiled
 def _decide(bits, probability):
     """Return 1 with a probability, else 0; unsigned, so that an index needs no sign check."""
-    return np.uint64(lower_integer(bits, HALF_RANGE) < probability * HALF_RANGE)
+    halves = 1 << 32  # number of integers that half of 64 bits represents
+    return np.uint64(lower_integer(bits, halves) < probability * halves)
 
 
 @compiled

@@ -1,4 +1,1 @@
-"""An independent check of run folders.
-
-It shares no kernel with the code that it checks.
-"""
+"""An independent check of run folders. It shares no kernel with the code that it checks."""

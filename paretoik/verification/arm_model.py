@@ -78,10 +78,7 @@ TOOL_FRAME = "<tool>"  # the arm's own name for it
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmModel:
-    """Pinocchio's model of an arm, with the arm's joint coordinates.
-
-    Angles are not reduced modulo whole turns.
-    """
+    """Pinocchio's model of an arm, with the arm's joint coordinates. Angles are not reduced modulo whole turns."""
 
     arm: Any
     pin: Any
@@ -147,10 +144,7 @@ class ArmModel:
         return rotations, positions
 
     def jacobian(self, q: np.ndarray, frame: str = TOOL_FRAME) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return rotation, position and Jacobian of a frame in one posture.
-
-        Shapes are (3, 3), (3,) and (6, dof); axes are those of the world.
-        """
+        """Return rotation (3, 3), position (3,) and Jacobian (6, dof) of a frame in one posture, in world axes."""
         number = self.frame_number(frame)
         world = self.pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         jacobian = self.pin.computeFrameJacobian(self.model, self.data, q, number, world)
@@ -177,10 +171,7 @@ class ArmModel:
         return nodes
 
     def reaches(self, q: np.ndarray) -> np.ndarray:
-        """Return the largest move of any node per joint move.
-
-        The moves (dof,) are in [m per rad, m per m], with slides as at ``q``.
-        """
+        """Return the largest move (dof,) [m] of any node per rad or m of each joint, with slides as at ``q``."""
         lengths = np.array([np.linalg.norm(pose.position) for pose in (*self.arm.placements[1:], self.arm.tool)])
         travel = np.where(self.turning, 0.0, np.abs(q).max(axis=0))
         after = np.cumsum((lengths + np.append(travel[1:], 0.0))[::-1])[::-1]
@@ -188,10 +179,7 @@ class ArmModel:
 
 
 def build_model(arm: Any) -> ArmModel:
-    """Return the model of an arm from its placements, bodies, tool, base and gravity.
-
-    Raises InvalidInput if Pinocchio is not installed.
-    """
+    """Return the model of an arm's numbers; raises InvalidInput if Pinocchio is not installed."""
     pin = import_pinocchio()
     model = pin.Model()
     model.gravity.linear = np.array(arm.gravity, dtype=float)

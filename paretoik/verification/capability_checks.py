@@ -14,10 +14,7 @@ from paretoik.verification.run_contents import Check, RunContents, demand, judge
 
 
 def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
-    """Check a front of directional maxima.
-
-    Postures must be at their position, and motors at joints must reach the speeds.
-    """
+    """Check that postures of directional maxima are at their position, and motors reach the speeds."""
     size = len(problem.position)
     bare = not hasattr(problem.actuation, "rod")
     for row, q in enumerate(run.motions["q"]):
@@ -31,7 +28,17 @@ def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[
             if not bare or not str(name).startswith("speed"):
                 yield leave_out(subject, "rods, sliders and forces are not modelled a second time", point=point)
                 continue
-            value, highest = float(run.values[row, k]), _highest_speed(problem.actuation, model, q[0], direction)
+            # the highest speed that motors at the joints allow, by a linear program
+            columns = model.jacobian(q[0])[2][: len(direction)]
+            speeds = _motor_speeds(problem.actuation.motors, model.torques(q[:1], 0 * q[:1], 0 * q[:1])[0])
+            result = linprog(
+                np.append(np.zeros(model.dof), -1.0),
+                A_eq=np.column_stack([columns, -np.asarray(direction)]),
+                b_eq=np.zeros(len(columns)),
+                bounds=[*speeds, (0.0, None)],
+                method="highs",
+            )
+            value, highest = float(run.values[row, k]), -result.fun if result.status == 0 else np.nan
             detail = f"the table says {value:.8g} m/s, motors allow {highest:.8g}"
             yield judge(subject, max(value / highest - 1.0, 0.0), TOLERANCES.maxima, detail, point=point)
         if len(run.objectives) > len(problem.directions):
@@ -39,10 +46,7 @@ def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[
 
 
 def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
-    """Check motions between two points.
-
-    The checks are of ends, joint limits, and durations compared with the motions' own times.
-    """
+    """Check ends, limits, motors, durations and work of motions between two points."""
     size, names = len(problem.start), [str(each["name"]) for each in run.objectives]
     for row, (time, q) in enumerate(zip(run.motions["time"], run.motions["q"], strict=True)):
         point = int(run.ids[row])
@@ -58,31 +62,27 @@ def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Ite
         yield judge("objective duration", off, TOLERANCES.values, detail, point=point)
         middle = (q[1:] + q[:-1]) / 2
         effort = model.torques(middle, 0 * middle, 0 * middle)  # against gravity
-        yield _check_motors(problem, model, time, q, effort, point)
-        yield from _check_work(run, problem, row, q, effort)
-
-
-def _check_work(run: RunContents, problem: Any, row: int, q: np.ndarray, effort: np.ndarray) -> Iterator[Check]:
-    """Check the work of joint motors, given or taken, in one motion."""
-    point = int(run.ids[row])
-    for k, entry in enumerate(run.objectives):
-        name = str(entry["name"])
-        if name == "duration":
-            continue
-        if name != "energy" or hasattr(problem.actuation, "rod"):
-            yield leave_out(f"objective {name}", "it is not computed a second time for these motors", point=point)
-            continue
-        work = float(np.abs(effort * np.diff(q, axis=0)).sum())
-        value = float(run.values[row, k])
-        detail = f"the table says {value:.10g} J, it is {work:.10g}"
-        yield judge("objective energy", abs(value - work) / max(work, 1e-12), TOLERANCES.energies, detail, point=point)
+        bare = not hasattr(problem.actuation, "rod")
+        if bare:  # each motor must be within its curve
+            motors, halfway = problem.actuation.motors, (time[1:] + time[:-1]) / 2
+            speed, allowed = np.diff(q, axis=0) / steps[:, None], _motor_speeds(motors, effort)
+            excess, place = worst_joint(model, "speed", halfway, speed, allowed, np.asarray(motors.fastest))
+            detail = f"{place}: faster than its motor by {excess:.3g} of its speed"
+            shown = max(excess, 0.0) if np.isfinite(excess) else excess
+            yield judge("motors", shown, TOLERANCES.maxima, detail, point=point, worst=place)
+        else:
+            yield leave_out("motors", "rods and sliders are not modelled a second time", point=point)
+        for k, name in enumerate(names):
+            if name == "energy" and bare:  # work of the motors, given or taken
+                work, value = float(np.abs(effort * np.diff(q, axis=0)).sum()), float(run.values[row, k])
+                detail, off = f"the table says {value:.10g} J, it is {work:.10g}", abs(value - work) / max(work, 1e-12)
+                yield judge("objective energy", off, TOLERANCES.energies, detail, point=point)
+            elif name != "duration":
+                yield leave_out(f"objective {name}", "it is not computed a second time for these motors", point=point)
 
 
 def check_tool_path(run: RunContents) -> Iterator[Check]:
-    """Check the ends, the box and the times of a tool path.
-
-    The path must stay in the box, and times must increase.
-    """
+    """Check the ends, the box and the times of a tool path. The path must stay in the box, and times must increase."""
     arrays = run.arrays["tool_path.npz"]
     tool = np.asarray(arrays["positions" if "positions" in arrays else "points"], dtype=float)
     settings = dict(run.entries.get("settings", {}))
@@ -125,10 +125,7 @@ def check_polygon(run: RunContents, model: ArmModel | None, reason: str = "") ->
 
 
 def _position_limits(model: ArmModel, time: np.ndarray, q: np.ndarray, point: int) -> Check:
-    """Return the check of the arm's own position limits.
-
-    An excess is a share of a joint's range, or of 1 rad or m.
-    """
+    """Return the check of the arm's own position limits. An excess is a share of a joint's range, or of 1 rad or m."""
     limits = np.array(model.arm.position_limits, dtype=float)
     width = limits[:, 1] - limits[:, 0]
     size = np.where(np.isfinite(width) & (width > 0), width, 1.0)
@@ -136,26 +133,8 @@ def _position_limits(model: ArmModel, time: np.ndarray, q: np.ndarray, point: in
     return judge("position limits", max(excess, 0.0), TOLERANCES.limits, str(place), point=point, worst=place)
 
 
-def _highest_speed(actuation: Any, model: ArmModel, q: np.ndarray, direction: np.ndarray) -> float:
-    """Return the highest speed along a direction, by a linear program.
-
-    It is the highest that motors at the joints allow.
-    """
-    columns = model.jacobian(q)[2][: len(direction)]
-    speeds = _motor_speeds(actuation.motors, model.torques(q[None], 0 * q[None], 0 * q[None])[0])
-    rows = np.column_stack([columns, -np.asarray(direction)])
-    bounds = [*speeds, (0.0, None)]
-    result = linprog(
-        np.append(np.zeros(model.dof), -1.0), A_eq=rows, b_eq=np.zeros(len(rows)), bounds=bounds, method="highs"
-    )
-    return float(-result.fun) if result.status == 0 else float("nan")
-
-
 def _motor_speeds(motors: Any, effort: np.ndarray) -> np.ndarray:
-    """Return the lowest and highest speeds (..., 2) of motors under efforts.
-
-    They follow from the motors' curve, and are NaN past stall.
-    """
+    """Return the lowest and highest speeds (..., 2) of motors under efforts, NaN past stall."""
     share = effort / np.asarray(motors.stall)
     if motors.shape == "diamond":
         ahead = back = 1.0 - np.abs(share)
@@ -166,20 +145,3 @@ def _motor_speeds(motors: Any, effort: np.ndarray) -> np.ndarray:
     bearable = np.abs(share) <= 1.0 + 1e-8
     ahead, back = (np.where(bearable, np.maximum(each, 0.0), np.nan) for each in (ahead, back))
     return np.stack([-back * np.asarray(motors.fastest), ahead * np.asarray(motors.fastest)], axis=-1)
-
-
-def _check_motors(
-    problem: Any, model: ArmModel, time: np.ndarray, q: np.ndarray, effort: np.ndarray, point: int
-) -> Check:
-    """Check that motors at the joints can follow a motion.
-
-    Each motor must be within its curve under the load of gravity.
-    """
-    if hasattr(problem.actuation, "rod"):
-        return leave_out("motors", "rods and sliders are not modelled a second time", point=point)
-    motors, halfway = problem.actuation.motors, (time[1:] + time[:-1]) / 2
-    speed, allowed = np.diff(q, axis=0) / np.diff(time)[:, None], _motor_speeds(motors, effort)
-    excess, place = worst_joint(model, "speed", halfway, speed, allowed, np.asarray(motors.fastest))
-    detail = f"{place}: faster than its motor by {excess:.3g} of its speed"
-    shown = max(excess, 0.0) if np.isfinite(excess) else excess
-    return judge("motors", shown, TOLERANCES.maxima, detail, point=point, worst=place)

@@ -51,30 +51,23 @@ def check_tables(run: RunContents) -> Iterator[Check]:
         name = str(each.get("name"))
         yield demand("objectives' names", name in run.table, f"run.json names {name!r}, the table has no such column")
     yield demand("finite values", np.isfinite(values).all(), "an objective in the table is no finite number")
-    yield from _check_order(run, values)
-    yield from _check_arrays(run)
-    if not run.is_plan and np.isfinite(run.table.get("criticality", np.nan)).any():
-        yield from _check_rates(run)
-
-
-def _check_order(run: RunContents, values: np.ndarray) -> Iterator[Check]:
-    """Check that no point dominates another.
-
-    The points of a plan must be in order, the best first.
-    """
+    # no point dominates another; the optima of a plan are in order, the best first
     F = values * run.signs
     if run.is_plan:
         exceeds = run.table.get("status", np.zeros(len(F), dtype=np.str_)) == EXCEEDS  # these come last
         in_order = np.array_equal(np.lexsort((F[:, 0], exceeds)), np.arange(len(F)))
         yield demand("order of optima", in_order, "a later optimum is better than the one before")
-        return
-    for row, one in enumerate(F):
-        better = (one >= F).all(axis=1) & (one > F).any(axis=1)
-        by = int(run.ids[int(better.argmax())])
-        yield demand("non-domination", not better.any(), f"point {by} dominates it", point=int(run.ids[row]))
-    for each in run.objectives:
-        low, high = (float(side) for side in each.get("range", (np.nan, np.nan)))
-        yield demand("ranges", low <= high, f"the range of {each.get('name')} in run.json is no range")
+    else:
+        for row, one in enumerate(F):
+            better = (one >= F).all(axis=1) & (one > F).any(axis=1)
+            by = int(ids[int(better.argmax())])
+            yield demand("non-domination", not better.any(), f"point {by} dominates it", point=int(ids[row]))
+        for each in run.objectives:
+            low, high = (float(side) for side in each.get("range", (np.nan, np.nan)))
+            yield demand("ranges", low <= high, f"the range of {each.get('name')} in run.json is no range")
+    yield from _check_arrays(run)
+    if not run.is_plan and np.isfinite(run.table.get("criticality", np.nan)).any():
+        yield from _check_rates(run)
 
 
 def _check_arrays(run: RunContents) -> Iterator[Check]:
@@ -183,22 +176,17 @@ def check_certificate(
 
 
 class UndecidedError(Exception):
-    """Error if differences cannot decide whether a point is critical.
-
-    The text has the reason.
-    """
+    """Differences cannot decide whether a point is critical; the text has the reason."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pieces:
-    """Pieces of an objective's terms to first order.
+    """Pieces of an objective's terms to first order; of one term if only the largest counts.
 
     terms: index (pieces,) of the term of each piece
     values: values (pieces,)
     slopes: slopes (pieces, directions)
     weights: weights of the terms
-
-    If only the largest term counts, all pieces belong to one term.
     """
 
     terms: np.ndarray
@@ -209,10 +197,7 @@ class Pieces:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FirstOrder:
-    """Objectives and limits to first order.
-
-    The ``bounds`` are the values of limits, as shares of ranges that must be ≤ 0.
-    """
+    """Objectives and limits to first order; ``bounds`` are limits, as shares of ranges that must be ≤ 0."""
 
     objectives: tuple[Pieces, ...]
     limits: np.ndarray
@@ -221,14 +206,12 @@ class FirstOrder:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Neighbours:
-    """Motions near a given motion, by coordinates along the self-motion.
+    """Motions on the path near a given motion, by coordinates along the self-motion.
 
     samples: samples that may move
     frames: directions (samples, redundancy, dof) of self-motion
     factors: divisors (n_obj,) of objectives, their sizes, negative for maximised objectives
     own_kinks: whether users' integrals have kinks
-
-    All motions are on the path.
     """
 
     task: Any
@@ -268,19 +251,13 @@ class Neighbours:
         return [*terms, _limit_terms(self.task, motion)]
 
     def limits_between(self, d: np.ndarray) -> np.ndarray:
-        """Return all limits on the finer grid, as shares of their ranges.
-
-        The motion is that at coordinates d.
-        """
+        """Return all limits at coordinates on the finer grid, as shares of their ranges."""
         curve = project_curve(self.task, self.model, self.time, self.move(d))
         return _limit_terms(self.task, finer_motion(self.task, self.model, curve, self.time)).pieces.ravel()
 
 
 def _gains(near: Neighbours, weights: np.ndarray, accepted: float) -> tuple[float, float, float]:
-    """Return the gains of all objectives, of their weighted sum, of the steepest.
-
-    The first is the gain of all objectives at once. Raises UndecidedError if kinks make the result uncertain.
-    """
+    """Return the gains of all objectives at once, of their weighted sum, and of the steepest."""
     box = 1.0 / np.sqrt(near.frames.shape[1])
     gain, at = _shown_gain(near, _linearise(near, np.zeros(near.size)), box, accepted)
     weighted = gain if len(weights) == 1 else _best_gain(at, box, weights[None])[0]
@@ -292,10 +269,7 @@ def _gains(near: Neighbours, weights: np.ndarray, accepted: float) -> tuple[floa
 def _neighbours(
     task: Any, model: ArmModel, objectives: Any, factors: np.ndarray, time: np.ndarray, q: np.ndarray
 ) -> Neighbours:
-    """Return the motions near a given motion.
-
-    Raises UndecidedError if a tied end is not the posture nearest to the sample before it.
-    """
+    """Return the motions near a given one; raises UndecidedError if its tied end is not the nearest posture."""
     targets = path_targets(task.tasks, time)
     jacobians = [task_errors(model, targets, q[k], k)[1] for k in range(len(time))]
     frames = [(null_space(jacobian * model.scales) * model.scales[:, None]).T for jacobian in jacobians]
@@ -318,11 +292,10 @@ def _neighbours(
 
 
 def _linearise(near: Neighbours, d: np.ndarray) -> FirstOrder:
-    """Return objectives and limits to first order, by central differences.
+    """Return objectives and limits to first order at coordinates d, by central differences.
 
-    They are at coordinates d. Terms of an instant depend only on samples near it, so samples far apart are moved at
-    once. If the result does not predict the change in a random direction, each sample is moved alone. Raises
-    UndecidedError at a concave kink.
+    Terms of an instant depend only on samples near it, so samples far apart are moved at once. If the result does not
+    predict the change in a random direction, each sample is moved alone. Raises UndecidedError at a concave kink.
     """
     terms = near.terms(d)
     instants = np.concatenate([np.tile(each.instants, len(each.pieces)) for each in terms])
@@ -355,17 +328,9 @@ def _linearise(near: Neighbours, d: np.ndarray) -> FirstOrder:
 
 
 def _slopes(
-    near: Neighbours,
-    d: np.ndarray,
-    middle: np.ndarray,
-    instants: np.ndarray,
-    spacing: int,
-    step: float = OPTIONS.step,
+    near: Neighbours, d: np.ndarray, middle: np.ndarray, instants: np.ndarray, spacing: int, step: float = OPTIONS.step
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the derivatives (values, coordinates), and the least curvature.
-
-    The curvature (values,) is the least along any coordinate.
-    """
+    """Return the derivatives (values, coordinates), and the least curvature (values,) along any coordinate."""
     count, redundancy = near.frames.shape[:2]
     stride = 2 if near.task.differences == "spline" else 1
     cycle = len(near.time) - 1 if near.task.cyclic else 0
@@ -392,10 +357,7 @@ def _flat(terms: Sequence[Terms]) -> np.ndarray:
 
 
 def _limit_terms(task: Any, motion: MeasuredMotion) -> Terms:
-    """Return all limits as shares of their ranges, negative if satisfied.
-
-    The share is −inf without a limit.
-    """
+    """Return all limits as shares of their ranges, negative if satisfied, −inf without a limit."""
     count = motion.time.shape[1]
     shares = [limit_shares(values, limits, size) for _, values, limits, size in joint_limits(task, motion)]
     if task.obstacles:
@@ -420,21 +382,17 @@ def _limit_terms(task: Any, motion: MeasuredMotion) -> Terms:
 
 
 def _totals(terms: Sequence[Terms]) -> np.ndarray:
-    """Return the values of objectives (n_obj,).
-
-    The last of the ``terms`` are limits and are left out.
-    """
+    """Return the values of objectives (n_obj,), which are all terms but the last, the limits."""
     largest = [(each.pieces.max(axis=0), each.weights) for each in terms[:-1]]
     return np.array([values.max() if weights is None else values @ weights for values, weights in largest])
 
 
 def _shown_gain(near: Neighbours, at: FirstOrder, box: float, accepted: float) -> tuple[float, FirstOrder]:
-    """Return the first-order gain of all objectives, and its linearisation.
+    """Return the first-order gain of all objectives at once, and its linearisation.
 
-    All objectives must gain at once. A gain above ``accepted`` is returned only if a motion along its direction
-    confirms it: all objectives fall with at least half of the predicted slope, and no limit is exceeded more than at
-    the start, at instants or between them. Raises UndecidedError if kinks or limits between samples make the result
-    uncertain.
+    A gain above ``accepted`` is returned only if a motion along its direction confirms it: all objectives fall with at
+    least half of the predicted slope, and no limit is exceeded more than at the start, at instants or between them.
+    Raises UndecidedError if kinks or limits between samples make the result uncertain.
     """
     task, origin = near.task, np.zeros(near.size)
     start, between = _totals(near.terms(origin)), np.zeros(0)
@@ -463,10 +421,7 @@ def _shown_gain(near: Neighbours, at: FirstOrder, box: float, accepted: float) -
 
 
 def _with_pieces(at: Pieces, there: Pieces, d: np.ndarray) -> Pieces:
-    """Return an objective's pieces, with pieces of a near motion added.
-
-    A piece of the motion at coordinates d is added if its slope differs.
-    """
+    """Return an objective's pieces, and those of the motion at coordinates d whose slopes differ."""
     values = there.values - there.slopes @ d
     own = at.slopes[: len(there.slopes)]
     other = np.abs(there.slopes - own).max(axis=1) > OPTIONS.kink * np.abs(own).max(axis=1)
@@ -479,10 +434,7 @@ def _with_pieces(at: Pieces, there: Pieces, d: np.ndarray) -> Pieces:
 
 
 def _best_gain(at: FirstOrder, box: float, mixtures: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the largest gain of all mixtures of objectives, and its direction.
-
-    Mixtures are rows (rows, n_obj); the direction is in the box.
-    """
+    """Return the largest gain of all mixtures (rows, n_obj) of objectives, and its direction in the box."""
     n_obj, directions = len(at.objectives), at.limits.shape[1]
     linear, rows, right, columns = np.zeros((n_obj, directions)), [np.zeros((0, directions))], [], list[int]()
     epigraphs = list[np.ndarray]()  # for each e: its weights in the objectives (n_obj,)

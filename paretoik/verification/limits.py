@@ -1,7 +1,4 @@
-"""The limits of a motion, measured again: excesses and worst places.
-
-Excesses are shares of ranges.
-"""
+"""The limits of a motion, measured again: excesses and worst places. Excesses are shares of ranges."""
 
 from __future__ import annotations
 
@@ -26,10 +23,7 @@ LIMITED = {  # by kind: bounded attribute of a motion, unit for rotational joint
 
 
 def excesses(task: Any, motion: MeasuredMotion) -> Iterator[tuple[str, float, Worst | None, str]]:
-    """Yield every limit's subject, worst excess and place, or a reason.
-
-    The excess is a share of the limit's range; the reason tells why excess and place are unknown.
-    """
+    """Yield every limit's subject, and its worst excess, as a share of its range, and place, or why not."""
     for kind, values, limits, size in joint_limits(task, motion):
         units = LIMITED[kind][1:]
         yield f"{kind} limits", *worst_joint(motion.model, kind, motion.time[0], values, limits, size, units), ""
@@ -56,10 +50,7 @@ def worst_joint(
     size: np.ndarray,
     units: tuple[str, str] = ("", ""),
 ) -> tuple[float, Worst]:
-    """Return the largest excess over limits, and its place.
-
-    The excess is a share of ``size``; values are (time, dof).
-    """
+    """Return the largest excess of values (time, dof) over limits, as a share of ``size``, and its place."""
     limits = np.broadcast_to(limits, (*values.shape, 2))
     share = limit_shares(values, limits, size)
     instant, joint = np.unravel_index(int(share.argmax()), share.shape)
@@ -75,18 +66,14 @@ def worst_joint(
 
 
 def limit_shares(values: np.ndarray, limits: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Return the excesses over limits (..., 2), as shares of ``size``.
-
-    An excess is −inf without a limit.
-    """
+    """Return the excesses over limits (..., 2), as shares of ``size``; −inf without a limit."""
     return np.asarray(np.maximum(values - limits[..., 1], limits[..., 0] - values) / size)
 
 
 def joint_limits(task: Any, motion: MeasuredMotion) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
-    """Yield each kind of limit with values, limits and ranges.
+    """Yield each kind of limit with values (time, dof), limits (time, dof, 2) and ranges (time, dof).
 
-    Values and ranges are (time, dof), limits (time, dof, 2). A range is the width of limits, the size of a single one,
-    or a usual size for an arm.
+    A range is the width of limits, the size of a single one, or a usual size for an arm.
     """
     model, duration = motion.model, float(np.ptp(motion.time))
     force = sum(float(body.mass) for body in model.arm.bodies)
@@ -111,10 +98,7 @@ def joint_limits(task: Any, motion: MeasuredMotion) -> Iterator[tuple[str, np.nd
 
 
 def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return limits at times (time, dof, 2), linear between the samples.
-
-    The given limits are (1 or time, dof, 2).
-    """
+    """Return limits (time, dof, 2) at times, linear between those (1 or time, dof, 2) of samples."""
     if len(bounds) == 1:
         return np.broadcast_to(bounds, (len(t), *bounds.shape[1:]))
     if len(bounds) == len(t) and np.array_equal(samples, t):
@@ -133,18 +117,14 @@ def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndar
 
 
 def clearance_range(task: Any, model: ArmModel) -> float:
-    """Return the scale of violations of clearance [m].
-
-    It is the required clearance, at least 1 % of the arm's length.
-    """
+    """Return the scale of violations of clearance [m]: that required, at least 1 % of the arm's length."""
     return max(float(task.min_clearance), 0.01 * model.length)
 
 
 def _worst_of_constraint(constraint: Any, motion: MeasuredMotion) -> tuple[float, Worst]:
-    """Return the excess of a user's own limit, and its place.
+    """Return the excess of a user's own limit, as a share of its scale, and its place.
 
-    The excess is a share of the limit's scale. An integral may have kinks, and is then limited on the spline: the
-    smaller excess of spline and curve counts.
+    An integral may have kinks, and is then limited on the spline: the smaller excess of spline and curve counts.
     """
     if constraint.form == "peak":
         values = np.asarray(constraint.function(motion), dtype=float)

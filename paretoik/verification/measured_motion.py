@@ -1,7 +1,4 @@
-"""A motion measured a second time, as input of objectives.
-
-It is computed from joint positions, Pinocchio's model and the rebuilt curve.
-"""
+"""A motion measured a second time, from joint positions, Pinocchio's model and the rebuilt curve."""
 
 from __future__ import annotations
 
@@ -33,15 +30,17 @@ from paretoik.verification.path_targets import (
 
 
 def rebuild(time: np.ndarray, q: np.ndarray, *, differences: str, cyclic: bool, ends_at_rest: bool) -> Any:
-    """Return SciPy's curve (time, dof) through or near samples.
-
-    The curve has a method ``derivative``.
-    """
+    """Return SciPy's curve (time, dof) through or near samples, which has a method ``derivative``."""
     if differences != "spline":
         degree = min(3, len(time) - 1)
         return make_interp_spline(time, q, k=degree, bc_type="periodic" if cyclic else None)
     if not cyclic and len(time) < 5 - ends_at_rest:
-        return _polynomial(time, q, ends_at_rest=ends_at_rest)
+        # the polynomial through a few samples
+        times, values = (np.append(time, time[-1]), np.concatenate([q, 0 * q[:1]])) if ends_at_rest else (time, q)
+        taylor = KroghInterpolator(times, values).derivatives(time[0], len(times))
+        factorials = np.cumprod([1.0, *range(1, len(times))])
+        coefficients = (taylor / factorials[:, None])[::-1]
+        return PPoly(coefficients[:, None], [time[0], time[-1]])
     # Knots: the times and three more at each end, from the cycle or mirrored.
     step, count = np.diff(time), len(time)
     ahead, behind = (step[-1:-4:-1], step[:3]) if cyclic else (step[:3], step[-1:-4:-1])
@@ -63,10 +62,7 @@ def rebuild(time: np.ndarray, q: np.ndarray, *, differences: str, cyclic: bool, 
 
 
 def instants_of(time: np.ndarray, differences: str) -> np.ndarray:
-    """Return the times at which limits and objectives are evaluated.
-
-    They are the samples, for splines also the middles between samples.
-    """
+    """Return the times of limits and objectives: samples, and for splines the middles between them."""
     if differences != "spline":
         return time
     return np.sort(np.concatenate([time, (time[1:] + time[:-1]) / 2]))
@@ -75,10 +71,7 @@ def instants_of(time: np.ndarray, differences: str) -> np.ndarray:
 def rates(
     curve: Any, time: np.ndarray, q: np.ndarray, *, differences: str, cyclic: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return velocity, acceleration and jerk at the instants of a motion.
-
-    They follow the definition of its ``differences``.
-    """
+    """Return velocity, acceleration and jerk at the instants, by the definition of the ``differences``."""
     if differences == "spline":
         t = instants_of(time, differences)
         third = curve.derivative(3)
@@ -94,10 +87,7 @@ def rates(
 
 
 def quadrature(time: np.ndarray, differences: str) -> np.ndarray:
-    """Return the weights [s] of integrals over the instants.
-
-    The rule is Simpson's, the rectangle or the trapezoid rule.
-    """
+    """Return the weights [s] of integrals: Simpson's, the rectangle or the trapezoid rule."""
     step = np.diff(time)
     if differences == "backward":
         return np.append(0.0, step)
@@ -117,10 +107,7 @@ def _blossom(t: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def _free_row(basis: BSpline, time: np.ndarray) -> np.ndarray:
-    """Return the equation of the first acceleration at a free end.
-
-    The acceleration continues the polynomial through the next accelerations.
-    """
+    """Return the equation of a free end: its acceleration continues the polynomial of the next ones."""
     count = min(OPTIONS.end_accelerations, len(time) - 3)
     second = basis.derivative(2)
     others = time[1 : count + 1] - time[0]
@@ -131,30 +118,13 @@ def _free_row(basis: BSpline, time: np.ndarray) -> np.ndarray:
     return np.asarray(row)
 
 
-def _polynomial(time: np.ndarray, q: np.ndarray, *, ends_at_rest: bool) -> PPoly:
-    """Return the polynomial through a few samples.
-
-    Its end is at rest if ``ends_at_rest``.
-    """
-    times, values = (np.append(time, time[-1]), np.concatenate([q, 0 * q[:1]])) if ends_at_rest else (time, q)
-    polynomial = KroghInterpolator(times, values)
-    degree = len(times) - 1
-    taylor = polynomial.derivatives(time[0], degree + 1)
-    factorials = np.cumprod([1.0, *range(1, degree + 1)])
-    coefficients = (taylor / factorials[:, None])[::-1]
-    return PPoly(coefficients[:, None], [time[0], time[-1]])
-
-
 def _backward(values: np.ndarray, time: np.ndarray, *, cyclic: bool) -> np.ndarray:
     slope = (values[1:] - values[:-1]) / (time[1:] - time[:-1])[:, None]
     return np.concatenate([slope[-1:] if cyclic else 0 * slope[:1], slope])
 
 
 def _central(values: np.ndarray, time: np.ndarray, order: int, *, cyclic: bool) -> np.ndarray:
-    """Return derivatives of the parabolas through three samples each.
-
-    At an end, the nearest parabola is used.
-    """
+    """Return derivatives of the parabolas through three samples each, at an end of the nearest one."""
     if cyclic:
         last = len(time) - 1
         time = np.concatenate([[time[0] - time[last] + time[last - 1]], time, [time[last] + time[1] - time[0]]])
@@ -179,14 +149,8 @@ def _central(values: np.ndarray, time: np.ndarray, order: int, *, cyclic: bool) 
 # least.
 
 
-GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-
-
 def point_distances(obstacle: Any, points: np.ndarray) -> np.ndarray:
-    """Return signed distances [m] of points (..., 3) from an obstacle.
-
-    They are negative inside the obstacle.
-    """
+    """Return signed distances [m] of points (..., 3) from an obstacle, negative inside."""
     kind = type(obstacle).__name__
     if kind == "Circle":
         return np.hypot(*np.moveaxis(points[..., :2] - obstacle.center, -1, 0)) - obstacle.radius
@@ -212,31 +176,26 @@ def segment_distances(obstacle: Any, starts: np.ndarray, ends: np.ndarray) -> np
     def at(share: np.ndarray) -> np.ndarray:
         return point_distances(obstacle, starts + share[..., None] * (ends - starts))
 
-    first, second = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+    golden = (np.sqrt(5.0) - 1.0) / 2.0
+    first, second = high - golden * (high - low), low + golden * (high - low)
     one, two = at(first), at(second)
     best = np.minimum(at(low), at(high))
     for _ in range(OPTIONS.sections):
         left = one < two
         low, high = np.where(left, low, first), np.where(left, second, high)
-        first, second = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        first, second = high - golden * (high - low), low + golden * (high - low)
         one, two = at(first), at(second)
         best = np.minimum(best, np.minimum(one, two))
     return best
 
 
 def pair_distances(obstacles: Sequence[Any], nodes: np.ndarray) -> np.ndarray:
-    """Return the least distances (time, links, obstacles) [m] of links.
-
-    The distances are from the center lines; nodes are (time, nodes, 3).
-    """
+    """Return the least distances (time, links, obstacles) [m] of the center lines of links."""
     return np.stack([segment_distances(each, nodes[:, :-1], nodes[:, 1:]) for each in obstacles], axis=-1)
 
 
 def nearest_pair(obstacles: Sequence[Any], nodes: np.ndarray) -> str:
-    """Return in words the link and the obstacle nearest to each other.
-
-    The posture is (nodes, 3).
-    """
+    """Return in words the link and the obstacle nearest to each other in a posture (nodes, 3)."""
     distances = pair_distances(obstacles, nodes[None])[0]
     link, number = np.unravel_index(int(distances.argmin()), distances.shape)
     obstacle = obstacles[int(number)]
@@ -245,10 +204,7 @@ def nearest_pair(obstacles: Sequence[Any], nodes: np.ndarray) -> str:
 
 
 def clearances(obstacles: Sequence[Any], nodes: np.ndarray, radius: float) -> np.ndarray:
-    """Return the least distances (time,) [m] of links from obstacles.
-
-    Links are capsules of a radius; nodes are (time, nodes, 3).
-    """
+    """Return the least distances (time,) [m] of links, capsules of a radius, from obstacles."""
     return np.asarray(pair_distances(obstacles, nodes).min(axis=(1, 2)) - radius)
 
 
@@ -257,10 +213,9 @@ def clearances(obstacles: Sequence[Any], nodes: np.ndarray, radius: float) -> np
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredMotion:
-    """One motion (1, time, dof) at the instants of its problem.
+    """One motion (1, time, dof) at the instants at which limits and objectives of its problem are evaluated.
 
-    Limits and objectives are evaluated at the instants. It has the attributes of a ``Motion`` that user functions read,
-    batch first. ``task`` is the problem's: its arm, tasks, obstacles.
+    It has the attributes of a ``Motion`` that user functions read, batch first. ``task`` is the problem's.
     """
 
     model: ArmModel
@@ -271,16 +226,12 @@ class MeasuredMotion:
     ddq: np.ndarray
     jerk: np.ndarray
     weights: np.ndarray
-    link_radius: float = 0.0
     coefficients: np.ndarray | None = None
     of_spline: MeasuredMotion | None = None
 
     @property
     def spline(self) -> MeasuredMotion:
-        """The motion of the spline, not projected onto the path.
-
-        Integrals with kinks are minimised on it.
-        """
+        """The motion of the spline before its projection onto the path, for integrals with kinks."""
         return self if self.of_spline is None else self.of_spline
 
     @property
@@ -302,6 +253,11 @@ class MeasuredMotion:
     def obstacles(self) -> Any:
         """The obstacles of the problem."""
         return self.task.obstacles
+
+    @property
+    def link_radius(self) -> float:
+        """Radius of the links [m]."""
+        return float(self.task.link_radius)
 
     @property
     def instants(self) -> MeasuredMotion:
@@ -387,7 +343,7 @@ class MeasuredMotion:
     def _misses(self) -> tuple[np.ndarray, np.ndarray]:
         distance, largest = np.zeros(self.time.shape), np.zeros(self.time.shape)
         for task in self.tasks:
-            offsets, vectors = frame_errors(self.model, task, self.q[0], *path_points(task.path, self.time[0]))
+            offsets, vectors = frame_errors(self.model, task, self.q[0], path_points(task.path, self.time[0]))
             entries = np.maximum(np.abs(offsets).max(axis=1), np.linalg.norm(vectors, axis=1))
             distance[0] = np.maximum(distance[0], np.linalg.norm(offsets, axis=1))
             largest[0] = np.maximum(largest[0], entries)
@@ -395,19 +351,16 @@ class MeasuredMotion:
 
 
 def measure(model: ArmModel, task: Any, time: np.ndarray, q: np.ndarray) -> MeasuredMotion:
-    """Return the measured motion of joint positions (time, dof).
-
-    It is a motion of a task, at the instants.
-    """
+    """Return the measured motion of joint positions (time, dof) at the instants of a task."""
     kind = {"differences": task.differences, "cyclic": task.cyclic}
     curve = rebuild(time, q, **kind, ends_at_rest=task.ends_at_rest)
     dq, ddq, jerk = rates(curve, time, q, **kind)
     t = instants_of(time, task.differences)
-    weights, radius = quadrature(time, task.differences), float(task.link_radius)
+    weights = quadrature(time, task.differences)
 
     def measured(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, **settings: Any) -> MeasuredMotion:
         state: dict[str, Any] = {"q": q[None], "dq": dq[None], "ddq": ddq[None], "jerk": jerk[None], "time": t[None]}
-        return MeasuredMotion(model=model, task=task, weights=weights, link_radius=radius, **state, **settings)
+        return MeasuredMotion(model=model, task=task, weights=weights, **state, **settings)
 
     if task.differences != "spline":
         return measured(q, dq, ddq)

@@ -14,7 +14,7 @@ from paretoik.verification.arm_model import TOLERANCES, ArmModel
 from paretoik.verification.measured_motion import MeasuredMotion, measure
 from paretoik.verification.motion_checks import check_limits, check_path, least_clearance
 from paretoik.verification.objectives import objective_size, objective_value
-from paretoik.verification.path_targets import frame_errors, sample_points, tracking_errors
+from paretoik.verification.path_targets import frame_errors, tracking_errors
 from paretoik.verification.run_contents import Check, RunContents, Worst, demand, first_line, judge, leave_out
 
 # Tuned methods: each point has one stored motion, which gives bounds for the values in the table.
@@ -27,10 +27,7 @@ MEASURES = "paretoik.resolution.measures"  # defines objectives of resolved moti
 
 
 def check_tuning(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
-    """Check the stored motions of tuned methods.
-
-    The checks are of times, starts, distance from the path, and objectives as bounds.
-    """
+    """Check the stored motions of tuned methods: times, starts, tracking, and objectives as bounds."""
     task = problem.task
     listed = [str(each["name"]) for each in run.objectives]
     names = [each.name for each in task.objectives]
@@ -41,8 +38,16 @@ def check_tuning(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Ch
         if not _has_times(time, task):
             yield leave_out("motions against the path", "the method takes its own time", point=number)
             continue
-        yield _check_start(run, problem, q[0], row, number)
-        parts = [part for each in task.tasks for part in frame_errors(model, each, q, *sample_points(each.path))]
+        # the motion begins at its own start: the one that its gene chooses, or the first
+        possible, names_of_genes = np.asarray(problem.starts), [each.name for each in problem.parameters]
+        if "start" not in names_of_genes:
+            possible = possible[:1]
+        elif "genes" in run.motions:
+            share = float(np.asarray(run.motions["genes"])[row, names_of_genes.index("start")])
+            possible = possible[[min(int(share * len(possible)), len(possible) - 1)]]
+        off = float(np.abs(possible - q[0]).max(axis=1).min())
+        yield judge("start", off, TOLERANCES.on_path, "it does not begin in the start that is its own", point=number)
+        parts = [part for each in task.tasks for part in frame_errors(model, each, q)]
         errors = np.concatenate(parts, axis=1)
         if problem.tolerance is not None and float(run.table["violation"][row]) <= 0:
             off = float(np.abs(errors).max())
@@ -69,31 +74,10 @@ def _has_times(time: np.ndarray, task: Any) -> bool:
     return len(time) == len(times) and np.allclose(time, times, rtol=0.0, atol=TOLERANCES.times * times[-1])
 
 
-def _check_start(run: RunContents, problem: Any, posture: np.ndarray, row: int, point: int) -> Check:
-    """Check that a motion begins at its own start.
-
-    If there are several starts, its gene chooses one; otherwise it is the first.
-    """
-    starts = np.asarray(problem.starts)
-    names = [each.name for each in problem.parameters]
-    if "start" not in names:
-        possible = starts[:1]
-    elif "genes" in run.motions:
-        share = float(np.asarray(run.motions["genes"])[row, names.index("start")])
-        possible = starts[[min(int(share * len(starts)), len(starts) - 1)]]
-    else:
-        possible = starts
-    off = float(np.abs(possible - posture).max(axis=1).min())
-    return judge("start", off, TOLERANCES.on_path, "it does not begin in the start that is its own", point=point)
-
-
 def _check_objectives(
     run: RunContents, problem: Any, motion: MeasuredMotion, errors: np.ndarray, row: int, point: int
 ) -> Iterator[Check]:
-    """Check the table's objectives against the stored motion's.
-
-    They must be equal if only this motion counts; otherwise they must not be better.
-    """
+    """Check that the table's objectives equal those of the stored motion, or are no better if others count."""
     alone = problem.judged_starts == 1
     for objective, entry, value in zip(problem.task.objectives, run.objectives, run.values[row], strict=True):
         subject = f"objective {objective.name}"
@@ -118,10 +102,7 @@ def _check_objectives(
 
 
 def _value(objective: Any, motion: MeasuredMotion, errors: np.ndarray) -> float | None:
-    """Return an objective of a stored motion, None if unknown.
-
-    Some objectives are known only to the method.
-    """
+    """Return an objective of a stored motion, None if only the method knows it."""
     function = objective.function
     if getattr(function, "__module__", None) != MEASURES:
         return objective_value(objective, motion)
@@ -156,10 +137,7 @@ DEFINITIONS: dict[str, Callable[[MeasuredMotion, np.ndarray], float]] = {
 
 
 def check_resolution(run: RunContents, task: Any, model: ArmModel | None, reason: str = "") -> Iterator[Check]:
-    """Check the errors that a resolved motion states.
-
-    The ``task`` has the followed path, None if it is unknown.
-    """
+    """Check the errors that a resolved motion states; ``task`` has its path, None if unknown."""
     traces = run.arrays.get("traces.npz", {})
     errors = np.asarray(traces.get("errors", np.empty(0)))
     stated = float(run.entries.get("largest_error", np.nan))
@@ -183,7 +161,7 @@ def check_resolution(run: RunContents, task: Any, model: ArmModel | None, reason
         yield demand("times of the path", same, "its times are not those of the path", point=point)
         if not same:
             continue
-        parts = [tracking_errors(model, each, q, *sample_points(each.path)) for each in task.tasks]
+        parts = [tracking_errors(model, each, q) for each in task.tasks]
         miss = max(float(max(distance.max(), angle.max())) for distance, angle in parts)
         admitted = float(np.linalg.norm(errors[row], axis=-1).max()) if errors.ndim > 2 else largest
         detail = f"the tool is {miss:.3g} off its path, its traces admit {admitted:.3g}"
@@ -198,18 +176,14 @@ LIBRARY = "paretoik.closed_loop.objectives"
 
 
 def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
-    """Check the motion of a closed loop.
-
-    The motion follows its path as closely as its choices allow.
-    """
+    """Check that the motion of a closed loop follows its path, and what the run states of it."""
     point, q, time = int(run.ids[0]), run.motions["q"][0], run.motions["time"][0]
     task = loop.task.truncate(len(q))
     times, step = np.asarray(task.times), float(loop.task.times[1] - loop.task.times[0])
     off = float(np.abs(time - times).max() / times[-1])
     yield judge("times of the path", off, TOLERANCES.times, "its times are not those of the path", point=point)
     distances, angles = (
-        np.max(parts, axis=0)
-        for parts in zip(*(tracking_errors(model, t, q, *sample_points(t.path)) for t in task.tasks), strict=True)
+        np.max(parts, axis=0) for parts in zip(*(tracking_errors(model, each, q) for each in task.tasks), strict=True)
     )
     mean, drift = float(distances[1:].mean()), float(np.linalg.norm(q[-1] - q[0]) / q.shape[1])
     for name, value in (("position_error", mean), ("drift", drift)):

@@ -1,7 +1,4 @@
-"""Checks of stored motions: path, limits, obstacles and objectives.
-
-Limits are checked at samples and between them.
-"""
+"""Checks of stored motions: path, limits, obstacles and objectives. Limits are checked at samples and between them."""
 
 from __future__ import annotations
 
@@ -16,13 +13,7 @@ from paretoik.verification.arm_model import OPTIONS, TOLERANCES, ArmModel
 from paretoik.verification.limits import clearance_range, excesses
 from paretoik.verification.measured_motion import MeasuredMotion, clearances, nearest_pair, rebuild
 from paretoik.verification.objectives import objective_size, objective_value, stated_value
-from paretoik.verification.path_targets import (
-    path_points,
-    path_targets,
-    sample_points,
-    task_errors,
-    tracking_errors,
-)
+from paretoik.verification.path_targets import path_points, path_targets, sample_points, task_errors, tracking_errors
 from paretoik.verification.run_contents import Check, RunContents, Worst, first_line, judge, leave_out
 
 
@@ -45,8 +36,7 @@ def check_samples(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray, p
     if not off <= TOLERANCES.times:
         return
     for each in task.tasks:
-        positions, rotations = sample_points(each.path)
-        distance, angle = tracking_errors(model, each, q, positions, rotations)
+        distance, angle = tracking_errors(model, each, q)
         error = np.maximum(distance / model.length, angle)
         k = int(error.argmax())
         frame, share = each.frame.strip("<>"), TOLERANCES.on_path
@@ -68,10 +58,7 @@ def check_samples(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray, p
 
 
 def check_limits(task: Any, motion: MeasuredMotion, violation: float | None, point: int) -> Iterator[Check]:
-    """Check limits, clearance and constraints, and the table's violation.
-
-    The limits are checked at the instants of the problem.
-    """
+    """Check limits, clearance and constraints at the instants, and the table's violation."""
     largest = 0.0
     for subject, excess, place, fault in excesses(task, motion):
         if place is None:
@@ -104,10 +91,9 @@ def check_objectives(
 def check_errors(
     run: RunContents, objectives: Any, motion: MeasuredMotion, finer: MeasuredMotion, row: int, *, promised: bool
 ) -> Iterator[Check]:
-    """Check the discretisation errors of one motion's objectives.
+    """Check the discretisation errors of objectives: values at samples less those on the curve (``finer``).
 
-    An error is the difference between the value at the samples and the value on the curve (``finer``). It must agree
-    with the table and, if ``promised``, be within the tolerance.
+    They must agree with the table and, if ``promised``, be within the tolerance.
     """
     for objective, entry, stated_as in zip(objectives, run.objectives, run.values[row], strict=True):
         subject, column = f"error of {objective.name}", f"discretisation error of {objective.name}"
@@ -135,11 +121,7 @@ def check_errors(
 def project(
     model: ArmModel, tasks: Any, q: np.ndarray, t: np.ndarray, normal_at: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return postures moved onto the path, and their remaining errors.
-
-    The postures move along the normal directions. The normal directions are those at the postures ``normal_at`` (time,
-    dof), by default ``q``.
-    """
+    """Return postures moved onto the path along the normals at ``normal_at``, and their remaining errors."""
     targets = path_targets(tasks, t)
     result, error = np.array(q), np.zeros(len(t))
     for row in range(len(t)):
@@ -158,10 +140,9 @@ def project(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ProjectedCurve:
-    """A motion's curve on its path, as Chebyshev series.
+    """A motion's curve on its path, as Chebyshev series (pieces, nodes, dof) between ``edges``.
 
-    Each piece between ``edges`` has a series (pieces, nodes, dof). ``error`` is the largest distance from the path
-    [share of the arm's length, rad] at its nodes, ``at`` its time [s].
+    ``error`` is the largest distance from the path [share of the arm's length, rad] at its nodes, ``at`` its time [s].
     """
 
     edges: np.ndarray
@@ -170,10 +151,7 @@ class ProjectedCurve:
     at: float
 
     def __call__(self, t: np.ndarray, order: int = 0) -> np.ndarray:
-        """Return positions (times, dof) or their derivatives at times [s].
-
-        The derivatives are of the given order.
-        """
+        """Return positions (times, dof), or derivatives of an order, at times [s]."""
         piece = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.series) - 1)
         low, high = self.edges[piece], self.edges[piece + 1]
         place = 2 * (t - low) / (high - low) - 1
@@ -184,10 +162,7 @@ class ProjectedCurve:
 
 
 def project_curve(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -> ProjectedCurve:
-    """Return the curve of samples (time, dof) on the path.
-
-    Pieces are halved until they are smooth.
-    """
+    """Return the curve of samples (time, dof) on the path, in pieces halved until they are smooth."""
     options = {"differences": task.differences, "cyclic": task.cyclic, "ends_at_rest": task.ends_at_rest}
     curve = rebuild(time, q, **options)
     nodes = chebyshev.chebpts1(OPTIONS.nodes)
@@ -212,18 +187,14 @@ def project_curve(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -
 
 
 def finer_motion(task: Any, model: ArmModel, curve: ProjectedCurve, time: np.ndarray) -> MeasuredMotion:
-    """Return the curve of a motion at many instants per interval.
-
-    The motion has Simpson's weights for its integrals.
-    """
+    """Return the curve of a motion at many instants per interval, with Simpson's weights."""
     count = OPTIONS.finer
     step, t = np.repeat(np.diff(time) / count, count), divided(time, count)
     weights = np.zeros(len(t))
     for k in range(0, len(t) - 1, 2):
         weights[k : k + 3] += step[k] / 3 * np.array([1.0, 4.0, 1.0])
     state: dict[str, Any] = {name: curve(t, order)[None] for order, name in enumerate(("q", "dq", "ddq", "jerk"))}
-    radius = float(task.link_radius)
-    return MeasuredMotion(model=model, task=task, time=t[None], weights=weights, link_radius=radius, **state)
+    return MeasuredMotion(model=model, task=task, time=t[None], weights=weights, **state)
 
 
 def divided(time: np.ndarray, count: int) -> np.ndarray:
@@ -240,9 +211,10 @@ def check_between(
     *,
     promised: bool,
 ) -> Iterator[Check]:
-    """Check one motion between its samples, against the limits of the problem.
+    """Check one motion between its samples, at all times against obstacles.
 
-    The table states the bound ``stated`` of the violation. If ``promised``, there must be no violation.
+    stated: bound of the violation in the table
+    promised: whether there must be no violation
     """
     task = samples.task
     detail = f"it leaves its path by {curve.error:.3g} at {curve.at:.4g} s"
@@ -269,18 +241,11 @@ def check_between(
         largest, subject = max(largest, 0.0), "violation_between in the table"
         detail, short = f"the table says {stated:.3g}, it is {largest:.3g}", largest - min(stated, largest)
         yield judge(subject, short, TOLERANCES.stated, detail, point=point, worst=worst)
-    if task.obstacles:
-        yield from _check_clearance(curve, samples, promised=promised, point=point)
-
-
-def _check_clearance(curve: ProjectedCurve, samples: MeasuredMotion, *, promised: bool, point: int) -> Iterator[Check]:
-    """Check distances from obstacles at all times.
-
-    An interval is done if its ends and its length exclude a collision.
-    """
-    task, model = samples.task, samples.model
+    if not task.obstacles:
+        return
     smallest, at, proven = least_clearance(samples, curve, samples.time[0])
-    size, short = clearance_range(task, model), max(float(task.min_clearance) - smallest, 0.0)
+    model, size = samples.model, clearance_range(task, samples.model)
+    short = max(float(task.min_clearance) - smallest, 0.0)
     pair = nearest_pair(task.obstacles, model.nodes(curve(np.array([at])))[0])
     place = Worst(what="clearance", joint=pair, time=at, value=smallest, limit=float(task.min_clearance), unit="m")
     row = judge("clearance between samples", short, TOLERANCES.between * size, str(place), point=point, worst=place)
@@ -295,9 +260,10 @@ def _check_clearance(curve: ProjectedCurve, samples: MeasuredMotion, *, promised
 def least_clearance(
     samples: MeasuredMotion, postures: Callable[[np.ndarray], np.ndarray], time: np.ndarray
 ) -> tuple[float, float, bool]:
-    """Return the least clearance, its time, and whether it is proven.
+    """Return the least clearance, its time, and whether it is proven, because all intervals are resolved.
 
-    The clearance is searched only if it may be below the limit. It is proven if all intervals are resolved.
+    It is searched for only if it may be below the limit; an interval is done if its ends and its length exclude a
+    collision.
     """
     task, model = samples.task, samples.model
     t = divided(time, OPTIONS.instants)
@@ -332,10 +298,10 @@ def least_clearance(
 
 
 def _grazing(samples: MeasuredMotion) -> float:
-    """Return how deep [m] links may dip into obstacles between clear samples.
+    """Return how deep [m] links that move along an obstacle may dip into it between clear samples.
 
-    The links move along an obstacle. In an interval h, a link with speed v on a curve of radius R dips by v²h²/8R; a
-    link with acceleration a dips by a h²/8. The result is at most half the smallest obstacle size.
+    In an interval h, a link with speed v on a curve of radius R dips by v²h²/8R; a link with acceleration a dips by a
+    h²/8. The result is at most half the smallest obstacle size.
     """
     sizes = [getattr(each, "half_sizes", getattr(each, "radius", np.inf)) for each in samples.obstacles]
     round_ = min(float(np.min(each)) for each in sizes)

@@ -19,10 +19,10 @@ def objective_value(objective: Any, motion: MeasuredMotion) -> float:
 
 
 def stated_value(objective: Any, motion: MeasuredMotion, stated: float) -> float:
-    """Return an objective of a motion as a table states it.
+    """Return an objective of a motion, in its own sign, as a table states it.
 
-    The value has its own sign. Integrals with kinks are stated for the spline before its projection onto the path. A
-    user's integral may have kinks: the value on the spline or on the curve that is nearer to ``stated`` counts.
+    Integrals with kinks are stated for the spline before its projection onto the path. A user's integral may have
+    kinks: the value on the spline or on the curve that is nearer to ``stated`` counts.
     """
     name, value = _library_name(objective), objective_value(objective, motion)
     if objective.form != "integral" or (name and name not in KINKED_INTEGRALS):
@@ -32,19 +32,13 @@ def stated_value(objective: Any, motion: MeasuredMotion, stated: float) -> float
 
 
 def objective_size(entry: Mapping[str, Any], value: float) -> float:
-    """Return the size of an objective: its value or its range.
-
-    The range is that of its entry in `run.json`; the larger one counts.
-    """
+    """Return the larger of an objective's value and its range in `run.json`."""
     low, high = entry.get("range", (0.0, 0.0))
     return max(abs(value), abs(float(high) - float(low)), 1e-12)
 
 
 def objective_function(objective: Any) -> Callable[[Any], Any]:
-    """Return the function of an objective.
-
-    For the library's objectives it is the definition below, otherwise the user's function.
-    """
+    """Return the definition below of a library's objective, else the user's function."""
     return DEFINITIONS.get(_library_name(objective), objective.function)
 
 
@@ -58,11 +52,9 @@ def _library_name(objective: Any) -> str:
 class Terms:
     """A function as a weighted sum, or the maximum, of terms.
 
-    pieces: pieces (pieces, terms); a term is its largest piece
+    pieces: pieces (pieces, terms), smooth if the function is the library's; a term is its largest piece
     instants: instants (terms,), −1 for the whole motion
     weights: weights (terms,), None if the largest term counts
-
-    Pieces are smooth if the function is the library's.
     """
 
     pieces: np.ndarray
@@ -71,15 +63,14 @@ class Terms:
 
 
 def is_own_integral(objective: Any) -> bool:
-    """Return whether an objective is a user's integral, with possible kinks."""
+    """Return whether an objective is a user's integral, which may have kinks."""
     return bool(objective.form == "integral") and not _library_name(objective)
 
 
 def objective_terms(objective: Any, motion: MeasuredMotion, factor: float, *, own_kinks: bool = False) -> Terms:
-    """Return an objective times a factor, as terms to minimise.
+    """Return an objective times a factor, negative if maximised, as terms to minimise.
 
-    The factor is negative if the objective is maximised. Integrals with kinks are those of the spline; users' too if
-    ``own_kinks`` says that they have kinks.
+    Integrals with kinks are those of the spline; users' too if they have ``own_kinks``.
     """
     name, count = _library_name(objective), motion.time.shape[1]
     if objective.form == "integral" and (name in KINKED_INTEGRALS or (own_kinks and not name)):

@@ -14,10 +14,9 @@ TURNING_AXES = {"xyz+z-axis": (0, 1), "xy+angle": (2,), "pose": (0, 1, 2)}  # eq
 
 
 def covered(law: str, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the fraction of a path covered, and two derivatives.
+    """Return the fraction of a path covered at fractions of the duration, and two derivatives.
 
-    They are at fractions of the duration, by the time law. The raised cosine is integrated from its acceleration a(τ) =
-    ±4 (1 − cos 4πτ), + in the first half.
+    The raised cosine is integrated from its acceleration a(τ) = ±4 (1 − cos 4πτ), + in the first half.
     """
     if law == "uniform":
         return fraction, np.ones_like(fraction), np.zeros_like(fraction)
@@ -33,10 +32,7 @@ def covered(law: str, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def _shape(path: Any, t: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
-    """Return a path's curve without timing, its parameter, and two derivatives.
-
-    The parameter and its derivatives are at times [s].
-    """
+    """Return a path's curve without timing, its parameter at times [s], and two derivatives of it."""
     curve, t = path.curve, np.asarray(t, dtype=float)
     if type(curve).__name__ != "TimedCurve":
         return curve, t, np.ones_like(t), np.zeros_like(t)
@@ -45,10 +41,9 @@ def _shape(path: Any, t: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.nd
 
 
 def path_points(path: Any, t: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return positions and rotations of a path at times [s].
+    """Return positions (time, 2 or 3) [m] and rotations (time, 3, 3), or None, of a path at times [s].
 
-    Positions are (time, 2 or 3) [m], rotations (time, 3, 3) or None. Lines and circles are computed from their numbers;
-    splines are SciPy's own, other curves the user's function.
+    Lines and circles are computed from their numbers; splines are SciPy's own, other curves the user's function.
     """
     curve, parameter, _, _ = _shape(path, t)
     kind, share = type(curve).__name__, parameter[:, None]
@@ -71,10 +66,7 @@ def path_points(path: Any, t: np.ndarray) -> tuple[np.ndarray, np.ndarray | None
 
 
 def path_rates(path: Any, t: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return velocities and accelerations of a path at times.
-
-    Those of the orientation follow, about world axes, or 0.
-    """
+    """Return velocities and accelerations at times, then those of the orientation about world axes."""
     curve, parameter, *factors = _shape(path, t)
     speed, bend = (factor[:, None] for factor in factors)
     kind, none = type(curve).__name__, np.zeros((len(t), 3))
@@ -108,10 +100,9 @@ def path_rates(path: Any, t: np.ndarray) -> tuple[np.ndarray, ...]:
 def curve_states(
     model: ArmModel, tasks: Any, spline: tuple[np.ndarray, np.ndarray, np.ndarray], t: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return positions and rates (time, dof) of a spline's projection.
+    """Return positions and rates (time, dof) of a spline's projection along its own normal directions.
 
-    The projection is along the spline's own normal directions. Their derivatives are differences of the fourth order.
-    If the spline is too far from the path, its own state is returned.
+    Their derivatives are differences of the fourth order. Too far from the path, the spline's own state is returned.
     """
     targets, rates = path_targets(tasks, t), [path_rates(task.path, t) for task in tasks]
     states = np.array(spline)
@@ -149,10 +140,7 @@ def curve_states(
 def _task_rates(
     model: ArmModel, tasks: Any, rates: list[tuple[np.ndarray, ...]], q: np.ndarray, dq: np.ndarray | None, k: int
 ) -> np.ndarray:
-    """Return the tasks' Jacobian times velocities or accelerations.
-
-    They are accelerations if velocities ``dq`` are given.
-    """
+    """Return the tasks' Jacobian times velocities, or times accelerations if velocities ``dq`` are given."""
     rows = []
     for task, parts in zip(tasks, rates, strict=True):
         v, a, turn, bend = (part[k] for part in parts)
@@ -178,18 +166,12 @@ def sample_points(path: Any) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def task_axes(task: Any, arm: Any) -> tuple[int, tuple[int, ...]]:
-    """Return the number of position coordinates, and orientation axes, of a task.
-
-    The axes are those of the frame.
-    """
+    """Return a task's number of position coordinates, and its orientation axes, those of the frame."""
     return 2 if task.axes in ("xy", "xy+angle") else 3, TURNING_AXES.get(task.axes, ())
 
 
 def task_errors(model: ArmModel, targets: Targets, q: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return all tasks' errors, and their Jacobian, at time k.
-
-    Errors of a posture are in shares of the arm's length and rad.
-    """
+    """Return errors [shares of the arm's length, rad] and Jacobian of all tasks in a posture at time k."""
     errors, rows = list[np.ndarray](), list[np.ndarray]()
     for task, positions, rotations in targets:
         size, turning = task_axes(task, model.arm)
@@ -205,10 +187,7 @@ def task_errors(model: ArmModel, targets: Targets, q: np.ndarray, k: int) -> tup
 
 
 def orientation_errors(axes: str, here: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return the rotation vectors (time, 3) [rad] to the target.
-
-    They are given in the frame. For some axes they are those of the z axis only.
-    """
+    """Return the rotation vectors (time, 3) [rad] to the target in the frame, or of its z axis only."""
     between = here.swapaxes(-1, -2) @ target
     if axes != "xyz+z-axis":
         return np.asarray(Rotation.from_matrix(between).as_rotvec())
@@ -220,12 +199,10 @@ def orientation_errors(axes: str, here: np.ndarray, target: np.ndarray) -> np.nd
 
 
 def frame_errors(
-    model: ArmModel, task: Any, q: np.ndarray, positions: np.ndarray, rotations: np.ndarray | None
+    model: ArmModel, task: Any, q: np.ndarray, targets: tuple[np.ndarray, np.ndarray | None] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the errors of a task's frame at every sample.
-
-    They are (time, 2 or 3) [m] and (time, 0 to 3) [rad].
-    """
+    """Return a frame's errors (time, 2 or 3) [m] and (time, 0 to 3) [rad], by default at samples of its path."""
+    positions, rotations = sample_points(task.path) if targets is None else targets
     size, turning = task_axes(task, model.arm)
     here, place = model.poses(q, task.frame)
     vectors = np.zeros((len(q), 0))
@@ -234,14 +211,9 @@ def frame_errors(
     return positions[:, :size] - place[:, :size], vectors
 
 
-def tracking_errors(
-    model: ArmModel, task: Any, q: np.ndarray, positions: np.ndarray, rotations: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the distances [m] and angles [rad] from the target (time,).
-
-    They are those of a task's frame at every sample.
-    """
-    offsets, vectors = frame_errors(model, task, q, positions, rotations)
+def tracking_errors(model: ArmModel, task: Any, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a frame's distances [m] and angles [rad] (time,) from its target at every sample."""
+    offsets, vectors = frame_errors(model, task, q)
     return np.linalg.norm(offsets, axis=1), np.linalg.norm(vectors, axis=1)
 
 

@@ -1,7 +1,4 @@
-"""The files of a run, as the verifier reads them.
-
-Every fault becomes a row, and all readable files are read.
-"""
+"""The files of a run, as the verifier reads them. Every fault becomes a row, and all readable files are read."""
 
 from __future__ import annotations
 
@@ -22,15 +19,13 @@ from paretoik.tables import html_representation
 
 
 Verdict = Literal["passed", "failed", "noted", "not checked"]
-MOST_FAILURES = 12  # lines of failures on a screen
 
 
 @dataclass(frozen=True, kw_only=True)
 class Worst:
-    """The worst value that a check found.
+    """The worst value that a check found; "" and NaN stand for parts that the check does not have.
 
-    It is the ``value`` of ``what``, in the ``unit`` of its ``limit``. ``joint`` is a joint, a frame, or a link with its
-    obstacle; "" and NaN stand for parts that a check does not have.
+    ``joint`` is a joint, a frame, or a link with its obstacle; ``unit`` is that of ``value`` and ``limit``.
     """
 
     what: str
@@ -52,10 +47,11 @@ class Worst:
 class Check:
     """One check of a point, or of the whole run.
 
-    A check of the whole run has no ``point`` (None). ``deviation`` is the largest one found, in the unit of
-    ``tolerance``; both are NaN if nothing is measured. ``verdict`` is "passed", "failed", "noted" (measured, but the
-    library promises nothing) or "not checked". ``detail`` has in one line the failure, or the reason why nothing was
-    checked. ``worst`` has its joint, time, value and limit.
+    point: id of the point; None for the whole run
+    deviation: largest deviation, in the unit of ``tolerance``; both are NaN if nothing is measured
+    verdict: "passed", "failed", "noted" (measured, but the library promises nothing) or "not checked"
+    detail: failure, or reason why nothing was checked, in one line
+    worst: joint, time, value and limit of the worst value
     """
 
     subject: str
@@ -104,10 +100,7 @@ class Verification:
 
     @property
     def headline(self) -> str:
-        """One line: checks failed or passed, checks not made, limits exceeded.
-
-        It has the reasons for checks that were not made.
-        """
+        """One line: checks failed or passed, checks not made with their reasons, limits exceeded."""
         made = len(self.rows) - len(self.unchecked)
         text = f"{len(self.failures)} of {made} checks fail" if self.failures else f"{made} checks passed"
         text = f"verified, all {text}" if self.verified else text
@@ -118,14 +111,29 @@ class Verification:
         return f"{self.folder}: {text}"
 
     def __repr__(self) -> str:
-        groups, failures = _by_subject(self.rows), self.failures
-        width = max((len(group[0].subject) for group in groups), default=0)
-        text = [self.headline, *(_subject_line(group, width) for group in groups)]
-        for row in failures[:MOST_FAILURES]:
+        most, text, failures = 12, [self.headline], self.failures  # most lines of failures
+        width = max((len(row.subject) for row in self.rows), default=0)
+        for rows in _by_subject(self.rows):  # the worst of the rows of one subject
+            verdicts = {row.verdict for row in rows}
+            verdict = next(each for each in ("failed", "not checked", "noted", "passed") if each in verdicts)
+            same = [row for row in rows if row.verdict == verdict]
+            line = f"  {rows[0].subject:<{width}}  {verdict:<11}"
+            if measured := [row for row in same if not math.isnan(row.deviation)]:
+                row = max(measured, key=lambda each: each.deviation - (each.tolerance if each.tolerance > 0 else 0.0))
+                line += f"  {row.deviation:.1e}"
+                line += "" if math.isnan(row.tolerance) else f" (accepted {row.tolerance:.1e})"
+                line += "" if row.point is None else f" at point {row.point}"
+                line += "" if row.worst is None else f", {row.worst}"
+            if verdict in ("failed", "not checked") and len(rows) > 1:
+                line += f"  {len(same)} of {len(rows)}"
+            if verdict in ("not checked", "noted"):
+                line += f"  {same[0].detail}"
+            text.append(line.rstrip())
+        for row in failures[:most]:
             place = "" if row.point is None else f"point {row.point}, "
             text.append(f"fails: {place}{row.subject}: {row.detail}")
-        if len(failures) > MOST_FAILURES:
-            text.append(f"and {len(failures) - MOST_FAILURES} more, in .failures")
+        if len(failures) > most:
+            text.append(f"and {len(failures) - most} more, in .failures")
         return "\n".join(text)
 
     _repr_html_ = html_representation
@@ -140,10 +148,7 @@ def judge(
     point: int | None = None,
     worst: Worst | None = None,
 ) -> Check:
-    """Return the row of a deviation.
-
-    The check fails if the deviation is above the tolerance or NaN.
-    """
+    """Return the row of a deviation, which fails if it is above the tolerance or NaN."""
     row = demand(subject, deviation <= tolerance, detail, point=point)
     return replace(row, deviation=float(deviation), tolerance=float(tolerance), worst=worst)
 
@@ -176,26 +181,6 @@ def _listed(rows: Sequence[Check]) -> str:
     )
 
 
-def _subject_line(rows: Sequence[Check], width: int) -> str:
-    """Return the worst of the rows of one subject as a line."""
-    verdicts = {row.verdict for row in rows}
-    verdict = next(each for each in ("failed", "not checked", "noted", "passed") if each in verdicts)
-    same = [row for row in rows if row.verdict == verdict]
-    measured = [row for row in same if not math.isnan(row.deviation)]
-    line = f"  {rows[0].subject:<{width}}  {verdict:<11}"
-    if measured:
-        row = max(measured, key=lambda each: each.deviation - (each.tolerance if each.tolerance > 0 else 0.0))
-        line += f"  {row.deviation:.1e}"
-        line += "" if math.isnan(row.tolerance) else f" (accepted {row.tolerance:.1e})"
-        line += "" if row.point is None else f" at point {row.point}"
-        line += "" if row.worst is None else f", {row.worst}"
-    if verdict in ("failed", "not checked") and len(rows) > 1:
-        line += f"  {len(same)} of {len(rows)}"
-    if verdict in ("not checked", "noted"):
-        line += f"  {same[0].detail}"
-    return line.rstrip()
-
-
 # The files of a run, as the verifier reads them.
 
 
@@ -205,10 +190,7 @@ RESULTS = (TABLE, OPTIMA, MOTIONS, "polygon.npz", "traces.npz", "tool_path.npz")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunContents:
-    """Contents of a run folder.
-
-    They are entries of `run.json`, columns of its table, and arrays by file, each by name.
-    """
+    """Entries of `run.json`, columns of its table, and arrays by file, each by name; and checks of the files."""
 
     folder: Path
     entries: Mapping[str, Any]
@@ -246,10 +228,7 @@ class RunContents:
 
     @property
     def ids(self) -> np.ndarray:
-        """The id of every row of the table.
-
-        Without a table they are the ids of the motions.
-        """
+        """The ids of the table's rows, without a table those of the motions."""
         return np.asarray(self.table["id"] if "id" in self.table else self.motions.get("id", np.arange(0)))
 
     @property
@@ -264,10 +243,7 @@ class RunContents:
 
 
 def read_contents(folder: Path) -> RunContents:
-    """Return the contents of a run folder.
-
-    Raises InvalidRun if the folder is not a run with a result.
-    """
+    """Return the contents of a run folder; raises InvalidRun if it is not a run with a result."""
     entries = dict(read_run(folder / RUN))
     if not isinstance(entries.get("files"), dict):
         raise InvalidRun(f"{folder} must be a run with a result, got one of status {entries.get('status')!r} without")
@@ -297,10 +273,7 @@ def read_contents(folder: Path) -> RunContents:
 
 
 def _column(name: str, column: Any) -> np.ndarray:
-    """Return a column of a table: integer ids, text, or numbers.
-
-    Missing numbers are NaN.
-    """
+    """Return a column of a table: integer ids, text, or numbers, NaN if missing."""
     if name == "id":
         return np.asarray(column.cast("int64").to_numpy())
     if name in TEXTS:

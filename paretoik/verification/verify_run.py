@@ -9,7 +9,7 @@ import numpy as np
 
 from paretoik.runs.executor import computed_text
 from paretoik.stop_flag import check_interruption
-from paretoik.verification.arm_model import ArmModel, build_model
+from paretoik.verification.arm_model import build_model
 from paretoik.verification.capability_checks import check_point_to_point, check_polygon, check_standing, check_tool_path
 from paretoik.verification.front_checks import check_certificate, check_tables
 from paretoik.verification.measured_motion import measure
@@ -32,11 +32,11 @@ Show: TypeAlias = Callable[[int, int], object]  # gets the number of checked poi
 def verify_run(
     run: RunContents, problem: Any, *, reason: str = "", same: bool | None = None, show: Show | None = None
 ) -> Verification:
-    """Return the rows of all checks of a run.
+    """Return the rows of all checks of a run, made or not.
 
-    They include checks that were not made. Without ``problem``, for a ``reason``, motions are not checked against
-    the problem. ``same`` says whether its fingerprint is the run's, None if that is unknown; ``show`` learns the
-    progress.
+    problem: what the run solved; None, for a ``reason``, if motions are not checked against it
+    same: whether its fingerprint is the run's; None if that is unknown
+    show: function that gets the progress
     """
     rows = [*run.checks]
     if words := computed_text(run.entries.get("computed")):
@@ -68,10 +68,7 @@ STRUCTURE = ("files", "shapes", "ids", "objectives' names", "finite motions", "t
 
 
 def _collect(checks: Iterator[Check]) -> list[Check]:
-    """Return the rows of checks.
-
-    If the contents of files make a check fail with an error, the last row has this error.
-    """
+    """Return the rows of checks; if contents of files make one raise, the last row has its error."""
     rows = list[Check]()
     try:
         for each in checks:
@@ -83,10 +80,7 @@ def _collect(checks: Iterator[Check]) -> list[Check]:
 
 
 def _count_points(checks: Iterator[Check], total: int, show: Show | None) -> Iterator[Check]:
-    """Yield checks, and show the number of completely checked points.
-
-    Checks are in order of points. Raises Interrupted if ``show`` asks to stop.
-    """
+    """Yield checks, in order of points, and show how many points are done; may raise Interrupted."""
     seen = set[int]()
     for each in checks:
         check_interruption()
@@ -120,37 +114,33 @@ def _check_motions(run: RunContents, problem: Any) -> Iterator[Check]:
         yield from check_tuning(run, problem, model)
     elif task is None or getattr(problem, "encoding", None) is None:
         yield leave_out("motions against the problem", f"{type(problem).__name__}: not a kind that is modelled twice")
-    else:
-        yield from _check_tracking(run, problem, model)
-
-
-def _check_tracking(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
-    """Check motions that follow a path, those of a front or of a plan."""
-    task = problem.task
-    named = {each.name: each for each in task.objectives}
-    listed = [(str(each["name"]), str(each["unit"]), bool(each["maximised"])) for each in run.objectives]
-    objectives = [(each.name, each.unit, bool(each.maximise)) for each in task.objectives]
-    yield demand(
-        "objectives' names", listed == objectives, f"the problem has {_names(objectives)}, run.json {_names(listed)}"
-    )
-    yield from check_path(task, model)
-    for row, number in enumerate(run.ids.tolist()):
-        time, q = (np.asarray(run.motions[name][row], dtype=float) for name in ("time", "q"))
-        rows = list(check_samples(task, model, time, q, number))
-        yield from rows
-        if any(each.subject == "times of the path" and each.verdict == "failed" for each in rows):
-            continue
-        motion, curve = measure(model, task, time, q), project_curve(task, model, time, q)
-        finer = finer_motion(task, model, curve, time)
-        yield from check_limits(task, motion, _stated(run, "violation", row), number)
-        promised = task.differences == "spline" and run.status(row) in ("minimum", "converged")
-        stated = _stated(run, "violation_between", row)
-        yield from check_between(motion, finer, curve, stated, number, promised=promised)
-        if all(name in named for name, _, _ in listed):
-            objectives = [named[name] for name, _, _ in listed]
-            yield from check_objectives(run, objectives, motion, run.values[row], number)
-            yield from check_errors(run, objectives, motion, finer, row, promised=promised)
-            yield from check_certificate(run, task, model, objectives, row, time, q)
+    else:  # motions that follow a path, those of a front or of a plan
+        named = {each.name: each for each in task.objectives}
+        listed = [(str(each["name"]), str(each["unit"]), bool(each["maximised"])) for each in run.objectives]
+        objectives = [(each.name, each.unit, bool(each.maximise)) for each in task.objectives]
+        yield demand(
+            "objectives' names",
+            listed == objectives,
+            f"the problem has {_names(objectives)}, run.json {_names(listed)}",
+        )
+        yield from check_path(task, model)
+        for row, number in enumerate(run.ids.tolist()):
+            time, q = (np.asarray(run.motions[name][row], dtype=float) for name in ("time", "q"))
+            rows = list(check_samples(task, model, time, q, number))
+            yield from rows
+            if any(each.subject == "times of the path" and each.verdict == "failed" for each in rows):
+                continue
+            motion, curve = measure(model, task, time, q), project_curve(task, model, time, q)
+            finer = finer_motion(task, model, curve, time)
+            yield from check_limits(task, motion, _stated(run, "violation", row), number)
+            promised = task.differences == "spline" and run.status(row) in ("minimum", "converged")
+            stated = _stated(run, "violation_between", row)
+            yield from check_between(motion, finer, curve, stated, number, promised=promised)
+            if all(name in named for name, _, _ in listed):
+                objectives = [named[name] for name, _, _ in listed]
+                yield from check_objectives(run, objectives, motion, run.values[row], number)
+                yield from check_errors(run, objectives, motion, finer, row, promised=promised)
+                yield from check_certificate(run, task, model, objectives, row, time, q)
 
 
 def _stated(run: RunContents, column: str, row: int) -> float | None:

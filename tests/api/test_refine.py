@@ -43,10 +43,10 @@ def test_suggested_genes_are_better_than_their_origins():
         asked = search.ask()
         evaluation = problem.evaluate(asked.X, return_as_dictionary=True)
         search.tell(asked.ids, evaluation["F"], evaluation["G"])
-    from paretoik.search.evolution import _progress
+    from paretoik.search.evolution import progress_of
 
     before = search.archive.F.min(axis=0)
-    genes = improver(_progress(search, (), 0.0))
+    genes = improver(progress_of(search, (), 0.0))
     after = problem.evaluate(genes, return_as_dictionary=True)
     fits = (after["G"] <= 1e-3).all(axis=1)
     assert np.all(after["F"][fits].min(axis=0) < before)

@@ -7,14 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.capability.actuation import (
-    SHAPES,
-    JointActuation,
-    MotorCurve,
-    angle_range,
-    check_actuation,
-    kim_sliders,
-)
+from paretoik.capability.actuation import SHAPES, JointActuation, MotorCurve, angle_range, check_actuation, kim_sliders
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.robot.arms import marcos_nr, wan_7r

@@ -10,11 +10,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from paretoik.capability import geodesic as module
-from paretoik.capability.geodesic import (
-    fastest_path,
-    linearise_pieces,
-    path_time,
-)
+from paretoik.capability.geodesic import fastest_path, linearise_pieces, path_time
 from paretoik.errors import InvalidInput, SolverFailed
 from tests.capability.fields import TASKS, field
 
@@ -126,10 +122,7 @@ def ends(seed, task=2):
     return np.random.default_rng(seed).uniform(0.05, 0.95, size=(2, task))
 
 
-PAIRS = {
-    "upward": ([-1.0, 0.2], [1.0, 3.0]),
-    "in space": ([-1.0, 0.5, 0.4], [1.0, -0.5, 1.0]),
-}
+PAIRS = {"upward": ([-1.0, 0.2], [1.0, 3.0]), "in space": ([-1.0, 0.5, 0.4], [1.0, -0.5, 1.0])}
 
 
 @pytest.mark.parametrize("pair", ["upward", "in space"])

@@ -71,11 +71,10 @@ def test_no_other_model_has_smaller_errors(arm, size):
         assert symmetric_errors(nudged(fitted, rng, size=size), *arm) > errors
 
 
-@pytest.mark.parametrize("safe", [True])
-def test_units_of_length_do_not_matter(arm, safe):
+def test_units_of_length_do_not_matter(arm):
     positions, directions, speeds = arm
-    meters = fit_ellipsoids(positions, directions, speeds, safe=safe)
-    millimeters = fit_ellipsoids(1e3 * positions, directions, 1e3 * speeds, safe=safe)
+    meters = fit_ellipsoids(positions, directions, speeds, safe=True)
+    millimeters = fit_ellipsoids(1e3 * positions, directions, 1e3 * speeds, safe=True)
     inside = within(meters, 20)
     assert millimeters.speeds(1e3 * inside, directions) == pytest.approx(
         1e3 * meters.speeds(inside, directions), rel=1e-6

@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import sqrtm
 
-from paretoik.capability.speed_models import (
-    Polynomials,
-    monomials,
-    planar_roots,
-    spectral_roots,
-    upper_triangle,
-)
+from paretoik.capability.speed_models import Polynomials, monomials, planar_roots, spectral_roots, upper_triangle
 from tests.capability.fields import TASKS, axes_field, differences, field, units, within
 
 

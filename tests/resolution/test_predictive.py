@@ -31,12 +31,7 @@ def straight(length, samples=501):
 
 
 def task_of(arm, path, objective):
-    return motion_task(
-        arm,
-        path,
-        objectives=[objective],
-        differences="backward",
-    )
+    return motion_task(arm, path, objectives=[objective], differences="backward")
 
 
 def plainly(arm, objective, q, posture, velocity, interval):

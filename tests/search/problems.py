@@ -47,13 +47,3 @@ class Constant(Problem):
 
     def _evaluate(self, x, out, *args, **kwargs):
         out["F"] = np.ones((len(x), self.n_obj))
-
-
-class Repeated(Problem):
-    """Ten objectives, all the same."""
-
-    def __init__(self):
-        super().__init__(n_var=2, n_obj=10, xl=-1.0, xu=1.0)
-
-    def _evaluate(self, x, out, *args, **kwargs):
-        out["F"] = np.repeat((x**2).sum(axis=1, keepdims=True), 10, axis=1)

@@ -132,13 +132,12 @@ def test_offspring_repeat_neither_each_other_nor_their_parents():
     assert len(np.unique(np.concatenate((X, children)), axis=0)) == 70
 
 
-@pytest.mark.parametrize("count", [7])
-def test_offspring_are_complete_even_without_room(count):
+def test_offspring_are_complete_even_without_room():
     problem = Constant(2)
     problem.xl = problem.xu = np.array([0.5, 0.5])
     X = np.full((4, 2), 0.5)
-    children = mating().do(problem, population(problem, X), count, random_state=np.random.default_rng(0)).get("X")
-    assert children.tolist() == [[0.5, 0.5]] * count
+    children = mating().do(problem, population(problem, X), 7, random_state=np.random.default_rng(0)).get("X")
+    assert children.tolist() == [[0.5, 0.5]] * 7
 
 
 def test_a_dominated_but_live_species_is_still_there_in_the_end():

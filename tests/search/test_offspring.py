@@ -7,12 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from paretoik.search.offspring import (
-    generate_offspring,
-    next_bits,
-    seed_stream,
-    tournament,
-)
+from paretoik.search.offspring import generate_offspring, next_bits, seed_stream, tournament
 
 ROWS, ROW_SIZE, PARENTS = 3, 4, 11
 SIZE = ROWS * ROW_SIZE
