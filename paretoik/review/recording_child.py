@@ -30,10 +30,9 @@ from typing import Any, Protocol
 import rerun as rr
 import rerun.blueprint as rrb
 
+from paretoik.review.drawing.capability_drawing import MaximaDrawing, PathDrawing
 from paretoik.review.drawing.layout import RecordedLayout, stream_in_memory
 from paretoik.review.drawing.loop_drawing import LoopDrawing
-from paretoik.review.drawing.maxima_drawing import MaximaDrawing
-from paretoik.review.drawing.path_drawing import PathDrawing
 from paretoik.review.drawing.plan_drawing import PlanDrawing
 from paretoik.review.drawing.resolution_drawing import ResolutionDrawing
 from paretoik.review.drawing.search_drawing import FrontReduction, SearchDrawing

@@ -85,9 +85,8 @@ class Legend:
     def above(self, views: rrb.Container, name: str) -> rrb.Container:
         """Return views with the legend above them."""
         bounds = rrb.VisualBounds2D(x_range=[0.0, self.width], y_range=[0.0, self.height])
-        strip = rrb.Spatial2DView(
-            origin=self.entity, name="legend", titlebar=False, visual_bounds=bounds, background=SCREEN.background
-        )
+        settings: Any = {"titlebar": False, "background": SCREEN.background}
+        strip = rrb.Spatial2DView(origin=self.entity, name="legend", visual_bounds=bounds, **settings)
         return rrb.Vertical(strip, views, row_shares=[self.height, VIEWS.body - self.height], name=name)
 
     @property
@@ -199,6 +198,14 @@ def _blueprint(tabs: Sequence[rrb.Container], panel: rrb.TimePanel) -> rrb.Bluep
     body = tabs[0] if len(tabs) == 1 else rrb.Tabs(*tabs)
     hidden = rrb.BlueprintPanel(state="hidden"), rrb.SelectionPanel(state="hidden")
     return rrb.Blueprint(body, *hidden, panel, auto_views=False)
+
+
+def set_times(stream: rr.RecordingStream, **times: float | np.generic) -> None:
+    """Set the current time on some timelines, and on no others; floats are seconds, integers count."""
+    stream.reset_time()
+    for name, time in times.items():
+        instant: dict[str, Any] = {"duration" if isinstance(time, float | np.timedelta64) else "sequence": time}
+        stream.set_time(name, **instant)
 
 
 def text_view(name: str) -> rrb.View:

@@ -150,6 +150,17 @@ def _point_text(front: Front, row: int, title: str, reason: str) -> str:
     return screen_text(unbroken_units("\n".join(lines), units))
 
 
+def step_text(scene: SearchedFront, step: Generation) -> str:
+    """Return the text of a step of a closed loop."""
+    lines = [f"# Step {step.number}", f"{counted(len(step.front), 'point')} on its front."]
+    lines += ["", NO_RANGE, ""] if len(step.front) == 1 else []
+    if step.chosen is not None and len(step.front):
+        for name, unit, value, values in zip(scene.names, scene.units, step.chosen, step.front.T, strict=True):
+            reach = range_text(values.min(), values.max(), unit)
+            lines.append(f"- **{name}**: chosen {value_text(value, unit, digits=6)}; front: {reach}")
+    return screen_text("\n".join(lines))
+
+
 def text_of(
     scene: SearchedFront,
     generation: Generation,
@@ -158,20 +169,12 @@ def text_of(
     outside: int = 0,
     end: str = "the final front",
 ) -> str:
-    """Return the text of a generation and its compromise, or of a step of a closed loop.
+    """Return the text of a generation and its compromise.
 
     ``moved``: the generation whose motions are shown with it. ``outside``: number of individuals outside the axes,
     which show the neighbourhood of the ``end``.
     """
     number, front, units = generation.number, generation.front, scene.units
-    if scene.timeline == "step":
-        lines = [f"# Step {number}", f"{counted(len(front), 'point')} on its front."]
-        lines += ["", NO_RANGE, ""] if len(front) == 1 else []
-        for axis, name in enumerate(scene.names if generation.chosen is not None and len(front) else ()):
-            chosen = value_text(generation.chosen[axis], units[axis], digits=6)  # type: ignore[index]
-            reach = range_text(front[:, axis].min(), front[:, axis].max(), units[axis])
-            lines.append(f"- **{name}**: chosen {chosen}; front: {reach}")
-        return screen_text("\n".join(lines))
     count, heading = generation.count, f"{scene.timeline.capitalize()} {number}"
     if scene.timeline == "refinement":
         heading = "Before" if generation.origins is None else "After"
@@ -182,7 +185,15 @@ def text_of(
         f"# {heading}",
         summary + (f"; {generation.failed} evaluations failed so far." * (generation.failed > 0) or "."),
     ]
-    lines += ["", *_why_empty(generation)] if not count else []
+    if not count and not len(generation.population):
+        lines += ["", "Nothing could be evaluated yet."]
+    elif not count:
+        individuals = counted(len(generation.population), "individual")
+        reason = f"None of the {individuals} keeps all limits and constraints of the problem: a front has only points"
+        lines += ["", f"{reason} that do."]
+        if generation.least_violating is not None:
+            lines += ["", "Constraints broken by the least-violating individual so far:", ""]
+            lines += [f"- {words}" for words in generation.least_violating.broken]
     if generation.epsilon is not None:
         bounds = [
             f"{name} {'≥' if more else '≤'} {value_text(bound, unit)}"
@@ -210,19 +221,6 @@ def text_of(
     return screen_text(unbroken_units("\n".join(lines).rstrip(), units))
 
 
-def _why_empty(generation: Generation) -> list[str]:
-    """Return why a generation has no front."""
-    count, nearest = len(generation.population), generation.least_violating
-    if not count:
-        return ["Nothing could be evaluated yet."]
-    words = f"None of the {counted(count, 'individual')} keeps all limits and constraints of the problem: "
-    lines = [f"{words}a front has only points that do."]
-    if nearest is not None:
-        lines += ["", "Constraints broken by the least-violating individual so far:", ""]
-        lines += [f"- {words}" for words in nearest.broken]
-    return lines
-
-
 def outside_text(outside: int, count: int, what: str) -> list[str]:
     """Return lines on individuals outside the axes; none if all are inside.
 
@@ -244,20 +242,6 @@ def better_but_infeasible(scene: SearchedFront, population: Population, front: O
     count = int(dominates((population * signs)[:, None], (front * signs)[None]).any(axis=1).sum())
     verb = "looks better than the front and breaks" if count == 1 else "look better than the front and break"
     return f"{counted(count, 'individual')} {verb} a limit or a constraint." if count else ""
-
-
-def beginning_text(first: int) -> str:
-    """Return the text of a closed loop before its ``first`` step."""
-    return (
-        f"# Step 0\n\nThe arm stands where it begins: nothing was searched for, so there is no front. "
-        f"The first is that of step {first}."
-    )
-
-
-def search_hint(searched: Sequence[int]) -> str:
-    """Return where the timelines of searched steps are visible."""
-    tabs = " and ".join(f"\u201csearch of step {step}\u201d" for step in searched)
-    return f"**This timeline moves {tabs}: open that tab above the legend.**"
 
 
 def loop_guide(searched: Sequence[int], opening: int | None) -> str:
