@@ -35,6 +35,7 @@ from paretoik.review.recording.recorder import Generation, Population, SearchedF
 NO_POINTS = np.zeros((0, 2))
 Area = Float[np.ndarray, "area 2"]  # points [pixels] that labels avoid
 Bound = tuple[Float[np.ndarray, "2 2"], str, Float[np.ndarray, " 2"]]  # a line, its words and their middle [pixels]
+Points = Float[np.ndarray, "_ n_obj"]  # any number of points
 Pair = tuple[int, int]
 Layer = Literal["population", "final", "front", "chosen", "looked_at", "choice", "compared", "predicted"]
 LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, drawing order
@@ -113,7 +114,7 @@ def normalised(F: Objectives, reference: Population) -> Objectives:
     return normalised
 
 
-def replay_window(fronts: Sequence[Float[np.ndarray, "_ n_obj"]]) -> Objectives:
+def replay_window(fronts: Sequence[Points]) -> Objectives:
     """Return corners (2, n_obj) around the last of `fronts` and, if they are near, the earlier ones.
 
     An early front may be far away; the window reaches at most 1.5 final ranges beyond the final front.
@@ -148,7 +149,7 @@ class Scatter:
             for pair, canvas in matrix(list(map(screen_text, words)), shown)
         ]
 
-    def area(self, *values: Population) -> Area:
+    def area(self, *values: Points) -> Area:
         """Return the positions of points in the first panel."""
         return self.panels[0].place(np.concatenate(values)) if self.panels else NO_POINTS
 
@@ -178,7 +179,7 @@ class Scatter:
             canvas.log(recording, rr.new_entity_path(entity))
 
     def log_generation(
-        self, recording: rr.RecordingStream, generation: Generation, *, behind: Sequence[Population] = ()
+        self, recording: rr.RecordingStream, generation: Generation, *, behind: Sequence[Points] = ()
     ) -> None:
         """Draw a generation at the current time, and record its exact numbers; labels also avoid points ``behind``."""
         timeline, front, population = self.scene.timeline, generation.front, generation.population

@@ -38,7 +38,7 @@ from paretoik.review.drawing.point_text import (
 from paretoik.review.drawing.scatter import Area, Scatter, replay_window
 from paretoik.review.palette import DRAWING, MARKS, SCREEN, VIEWS, even_rows
 from paretoik.review.recording.messages import RecordedPoint, end_points, front_point
-from paretoik.review.recording.recorder import Generation, Population, SearchedFront, SearchEnd
+from paretoik.review.recording.recorder import Generation, SearchedFront, SearchEnd
 from paretoik.search.maximin import greedy_order, scaled, starting_points
 
 WHY = "notes/why"  # entity of the reason of the choice
@@ -113,7 +113,7 @@ def log_generation(
     charts: Sequence[Chart],
     generation: Generation,
     words: str,
-    behind: Sequence[Population] = (),
+    behind: Sequence[Points] = (),
 ) -> None:
     """Draw a generation or step at the current time with its text, and record its numbers; see ``Scatter``."""
     scene, chosen = scatter.scene, generation.chosen
