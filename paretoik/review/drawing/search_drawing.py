@@ -35,7 +35,7 @@ from paretoik.review.drawing.point_text import (
     reason_text,
     text_of,
 )
-from paretoik.review.drawing.scatter import Area, Scatter, replay_window
+from paretoik.review.drawing.scatter import Area, Points, Scatter, replay_window
 from paretoik.review.palette import DRAWING, MARKS, SCREEN, VIEWS, even_rows
 from paretoik.review.recording.messages import RecordedPoint, end_points, front_point
 from paretoik.review.recording.recorder import Generation, SearchedFront, SearchEnd
