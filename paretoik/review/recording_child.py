@@ -299,10 +299,7 @@ def main() -> None:
 
 
 def messages(source: int, parent: int) -> Iterator[tuple[str, Any, int] | None]:
-    """Yield kind, message and the number of dropped messages as they arrive, until the parent is gone.
-
-    Yield None if there was no message for a while.
-    """
+    """Yield kind, message and the number of dropped messages as they arrive, until the parent is gone."""
     part = bytearray()
     while True:
         if len(part) >= HEADER and len(part) >= HEADER + (length := int.from_bytes(part[:HEADER])):

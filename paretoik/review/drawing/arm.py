@@ -116,7 +116,7 @@ class ArmDrawing:
         elif not self.planar:
             for number, body in enumerate(bodies(cell.obstacles, stage.ground.low, stage.ground.high), start=1):
                 recording.log(f"{entity}/obstacles/{number}", body, static=True)
-        recording.log(f"{entity}/base", self._base(), static=True)
+        recording.log(f"{entity}/base", self.base_mark(), static=True)
         if cell.paths and self.planar:  # wide, below other lines
             recording.log(f"{entity}/target", stage.strips(cell.paths, SCREEN.target, 4.0, 0.0), static=True)
         elif cell.paths:  # beads: in space two lines in one place would flicker, whatever their widths
@@ -212,7 +212,7 @@ class ArmDrawing:
         root = self.entity.replace("/", "_") + "_meshes"
         return None if self.planar else find_meshes(self.workcell.arm, root)
 
-    def _base(self) -> Any:
+    def base_mark(self) -> Any:
         """Return the mark of the arm's base: the ground sign of mechanics in the plane, a foot in space."""
         base = self.workcell.arm.base
         if not self.planar:
@@ -298,10 +298,7 @@ def target_mark(drawing: ArmDrawing, place: Float[np.ndarray, " 3"]) -> Any:
 
 
 def is_seen_beside(drawing: ArmDrawing, distance: float) -> bool:
-    """Return whether a thin arm at a ``distance`` [m] from a solid one is visible.
-
-    In space an average depth is assumed.
-    """
+    """Return whether a thin arm at a ``distance`` [m] from a solid one is visible."""
     if drawing.planar:
         origin, unit = drawing.stage.place(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
         return bool(distance * np.linalg.norm(unit - origin) > MARKS.solid_arm)

@@ -1,7 +1,4 @@
-"""The recordings of tool paths and of directional maxima: a moving tool, and a polygon that grows next to the arm.
-
-A tool path has its speed and its distance to the target; directional maxima the posture that reaches each of them.
-"""
+"""The recordings of tool paths and of directional maxima: a moving tool, and a polygon that grows next to the arm."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Curves over a search or a motion, drawn by hand: a series view is empty while another timeline plays.
-
-The curves are visible on every timeline; a cursor moves along them on their own timeline.
-"""
+"""Curves over a search or a motion, drawn by hand: a series view is empty while another timeline plays."""
 
 from __future__ import annotations
 
@@ -73,10 +70,7 @@ class Chart:
     def over(
         across: str, name: str, label: str, instants: Times, curves: Series, colours: Sequence[Colour], **more: Any
     ) -> Chart:
-        """Return the chart ``name`` of curves with one ``label``.
-
-        ``across`` is the label of the horizontal axis, ``more`` are further fields of the chart.
-        """
+        """Return the chart ``name`` of curves with one ``label``."""
         settings: dict[str, Any] = {"title": label, "names": [label] * len(colours), **more}
         return Chart(
             entity=f"charts/{name}",

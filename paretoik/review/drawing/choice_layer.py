@@ -1,7 +1,4 @@
-"""A chosen motion, or two to compare, as a layer over the recording of a run.
-
-The layer has its own layout, in which the recording's views are a second tab.
-"""
+"""A chosen motion, or two to compare, as a layer over the recording of a run."""
 
 from __future__ import annotations
 
@@ -34,7 +31,7 @@ from paretoik.review.drawing.layout import (
     stream_in_memory,
 )
 from paretoik.review.drawing.motion import NO_TIMES, MotionScene, is_moving, motion_views
-from paretoik.review.drawing.point_text import choice_text
+from paretoik.review.drawing.point_text import point_text
 from paretoik.review.drawing.scatter import LAYERS, Scatter
 from paretoik.review.palette import SCREEN, VIEWS
 from paretoik.review.recording.messages import RecordedPoint, chosen_point, record_motion, workcell_of_front
@@ -151,16 +148,14 @@ class ChoiceLayer:
         self._scatter.log_points(stream, "front", objectives, ids=ids, names=names, static=True)
 
     def log_choices(self, stream: rr.RecordingStream, times: Times = NO_TIMES) -> None:
-        """Draw the choices, for all times, and their arms along their motions, also at ``times``.
-
-        A later call with other choices replaces the drawing of an earlier call.
-        """
+        """Draw the choices, for all times, and their arms along their motions, also at ``times``."""
         scatter, front = self._scatter, self.front
         for root, choice, point, motions in zip(ROOTS, self.choices, self._points, self._motions, strict=False):
             F, name = choice.objectives[None], f"point {choice.id}"
             scatter.log_points(stream, root, F, ids=np.array([choice.id]), names=[name], static=True)
             scatter.log_label(stream, root, F, name, avoid=scatter.area(front.objectives), static=True)
-            words = choice_text(front, choice, title="chosen" if root == ROOTS[0] else "compared")
+            title = "chosen" if root == ROOTS[0] else "compared"
+            words = point_text(front, choice.index, chosen=choice, title=title, whole=True)
             log_text(stream, words, f"{root}/text", static=True)
             if motions is not None:  # the arm stands still on the recording's timelines
                 motions.log(stream)

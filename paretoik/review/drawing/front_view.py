@@ -1,7 +1,4 @@
-"""A front in a notebook: the Rerun viewer, and sliders of the objectives.
-
-Python knows the selected points and shows their motions; dragging a slider predicts a move, release makes it.
-"""
+"""A front in a notebook: the Rerun viewer, and sliders of the objectives."""
 
 from __future__ import annotations
 
@@ -150,10 +147,7 @@ class FrontView:
         self._draw(None, "idle", f"point {self._choice.id}: drag a slider to what should get better")
 
     def _follow(self, *, improve: str, to: float, hold: tuple[str, ...], release: bool) -> None:
-        """Draw the expected result of the desired move; on ``release`` move to the certified point and select it.
-
-        If that fails, say why.
-        """
+        """Draw the expected result of the desired move; on ``release`` move to the certified point and select it."""
         try:
             if not release:
                 prediction = self._front.predict(self._choice, improve=improve, to=to, hold=hold)

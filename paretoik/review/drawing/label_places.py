@@ -115,10 +115,7 @@ def label_lines(mark: Point, middle: Point, words: str) -> Lines:
 def joined_labels(
     marks: Points | Sequence[Point], middles: Sequence[Point], words: Sequence[str], colour: Colour
 ) -> DrawnLabels:
-    """Return the labels of ``marks`` around their ``middles``, with lines to distant labels.
-
-    Without marks the result removes earlier labels.
-    """
+    """Return the labels of ``marks`` around their ``middles``, with lines to distant labels."""
     joins, places = list[Points](), [np.zeros((0, 2))]
     for mark, middle, each in zip(marks, middles, words, strict=True):
         half, within = half_size(each), plate_half(each) - MARKS.overlap

@@ -214,10 +214,7 @@ def text_view(name: str) -> rrb.View:
 
 
 def log_text(stream: rr.RecordingStream, words: str, entity: str = TEXT_ENTITY, *, static: bool = False) -> None:
-    """Show a text in Markdown, at the current time or for all times.
-
-    By default it is the text about the point shown.
-    """
+    """Show a text in Markdown, at the current time or for all times."""
     stream.log(entity, rr.TextDocument(words, media_type="text/markdown"), static=static)
 
 

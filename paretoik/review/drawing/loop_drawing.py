@@ -242,12 +242,10 @@ class LoopDrawing:
 
     @cached_property
     def _opening(self) -> Generation | None:
-        """The step that the recording opens on: the first with a recorded search, or the one with the widest front.
-
-        The widest front has the largest product of ranges among those in which every objective varies.
-        """
+        """The step that the recording opens on: the first with a recorded search, or the one with the widest front."""
         recorded = {each.sample for each in self.end.searched}
         steps = [each for each in self.messages if each.number in recorded]
+        # the widest front has the largest product of ranges among those in which every objective varies
         varying = [each for each in self.messages if len(each.front) and np.ptp(each.front, axis=0).all()]
         if steps or not varying:
             return steps[0] if steps else None

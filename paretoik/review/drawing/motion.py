@@ -75,10 +75,7 @@ def posture_chart(cell: Workcell, values: Values, postures: Float[np.ndarray, "p
 
 
 def limit_lines(cell: Workcell, kind: str, end: float) -> list[LimitLine]:
-    """Return the limits of a kind up to ``end`` [s], each once: a shared limit has the colours of all its joints.
-
-    A limit that all joints share has one colour.
-    """
+    """Return the limits of a kind up to ``end`` [s], each once: a shared limit has the colours of all its joints."""
     bounds, lines, names = cell.bounds.get(kind, np.zeros((1, 0, 2))), list[LimitLine](), cell.arm.joint_names
     instants = np.array([0.0, end]) if len(bounds) == 1 else cell.times
     bounds = np.repeat(bounds, 2, axis=0) if len(bounds) == 1 else bounds
@@ -121,10 +118,7 @@ class ReplayClock:
 
     @staticmethod
     def of(generations: Sequence[Sequence[RecordedPoint]]) -> ReplayClock:
-        """Return the clock of generations, given the points of each.
-
-        The generations that move are spread evenly over those in which an arm can move.
-        """
+        """Return the clock of generations, given the points of each; those that move are spread evenly."""
         able = [i for i, points in enumerate(generations) if is_moving(points)]
         moving = frozenset(able[i] for i in even_rows(len(able), OPTIONS.generations))
         lengths = [OPTIONS.moving if i in moving else OPTIONS.standing for i in range(len(generations))]
@@ -206,10 +200,7 @@ class MotionScene:
     def log_whole(
         self, recording: rr.RecordingStream, points: Sequence[RecordedPoint], *, row: int | None = None
     ) -> None:
-        """Draw motions of points at the current time: paths, and the chosen one's ghosts and curves.
-
-        Their arms are at a ``row`` of their samples, by default at half the time.
-        """
+        """Draw motions of points at the current time: paths, and the chosen one's ghosts and curves."""
         drawing = self.drawing
         for point in points:
             motion, is_chosen = point.motion, point.axis is None
@@ -233,10 +224,7 @@ class MotionScene:
                 drawing.meshes.log_posture(recording, motion.q[place])
 
     def log_predicted(self, recording: rr.RecordingStream, motion: RecordedMotion | None) -> None:
-        """Draw postures of a predicted motion, for all times, and its tool path if no path is prescribed.
-
-        Without a motion nothing is drawn.
-        """
+        """Draw postures of a predicted motion, for all times, and its tool path if no path is prescribed."""
         links = np.zeros((0, 2, 3)) if motion is None else self._links(motion.q)
         ghosts = list(links[even_rows(len(links), SCREEN.ghosts)]) if len(links) else []
         path = [links[:, -1]] if len(links) > 1 and not self.workcell.paths else []
@@ -253,10 +241,7 @@ class MotionScene:
     def send_replay(
         self, recording: rr.RecordingStream, slots: Sequence[tuple[float, Sequence[RecordedPoint]]]
     ) -> None:
-        """Move the arms of points on the timeline ``replay``, from the time [s] of each of ``slots`` on.
-
-        The longest motion of a slot fills it.
-        """
+        """Move the arms of points on the timeline ``replay``, from the time [s] of each of ``slots`` on."""
         for begin, points in slots:
             motions = [(point, point.motion) for point in points if point.motion is not None]
             longest = max((float(np.ptp(motion.time)) for _, motion in motions), default=0.0)

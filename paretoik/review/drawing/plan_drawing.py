@@ -322,10 +322,7 @@ class PlanPanel:
         words: str,
         lines: Sequence[np.ndarray] = (),
     ) -> None:
-        """Draw a point, or none, with its name.
-
-        The name avoids everything drawn, further ``lines`` [pixels], and the name of the best point.
-        """
+        """Draw a point, or none, with its name."""
         self._log_points(recording, layer, across, values, colour, 6.5, order, words)
         canvas, marks, middles = self.canvas, self._mark(across, values), list[np.ndarray]()
         for mark in marks:

@@ -49,10 +49,7 @@ def broken_limits(cell: Workcell, motion: RecordedMotion) -> list[str]:
 def infeasible_text(
     names: Sequence[str], units: Sequence[str], nearest: LeastViolating, cell: Workcell | None, heading: str
 ) -> str:
-    """Return text on why a run has no result, and on broken constraints.
-
-    ``names`` and ``units`` are those of the objectives.
-    """
+    """Return text on why a run has no result, and on broken constraints."""
     lines = [f"# {heading}", "", nearest.reason]
     if nearest.broken:
         lines += ["", "## Constraints broken", "", *(f"- {words}" for words in nearest.broken)]
@@ -71,18 +68,6 @@ def infeasible_text(
 NO_RANGE = "One point has no range to have a share of: it is drawn in the middle."
 
 
-def choice_text(front: Front, choice: Choice, *, title: str = "chosen", whole: bool = True) -> str:
-    """Return the text of a choice: its reason, objectives, certificate, exchange rates, and the run.
-
-    Only the first sentence of the reason is included unless ``whole``.
-    """
-    first, *others = _sentences(choice.reason)
-    reason = choice.reason
-    if others and not whole:
-        reason = f"{first} The tab \u201cwhy\u201d has the comparisons with other points."
-    return _point_text(front, choice.index, title, reason)
-
-
 def reason_text(choice: Choice) -> str:
     """Return the reason of a choice, one line per sentence."""
     lines = [f"- {sentence}" for sentence in _sentences(choice.reason)]
@@ -98,16 +83,18 @@ def _sentences(words: str) -> list[str]:
     return re.split(r"(?<=[.;]) (?=[A-Z])", words)
 
 
-def point_text(front: Front, row: int, *, chosen: Choice | None) -> str:
-    """Return the text of any point of a front."""
-    if chosen is not None and chosen.index == row:
-        return choice_text(front, chosen, whole=False)
-    return _point_text(front, row, f"number {row + 1} of {len(front)} along the front", "")
+def point_text(front: Front, row: int, *, chosen: Choice | None, title: str = "chosen", whole: bool = False) -> str:
+    """Return the text of a row of a front: its objectives, certificate, exchange rates, and the run.
 
-
-def _point_text(front: Front, row: int, title: str, reason: str) -> str:
-    """Return the text of a row: its objectives, the reason if any, its certificate and the run."""
-    certificates, units = front.certificates, front.units
+    If it is the ``chosen`` point it has the ``title`` and the reason, only its first sentence unless ``whole``.
+    """
+    certificates, units, reason = front.certificates, front.units, ""
+    if chosen is None or chosen.index != row:
+        title = f"number {row + 1} of {len(front)} along the front"
+    else:
+        first, *others = _sentences(chosen.reason)
+        short = f"{first} The tab \u201cwhy\u201d has the comparisons with other points."
+        reason = short if others and not whole else chosen.reason
     names = [named_unit(name, unit) for name, unit in zip(front.names, units, strict=True)]
     lines = [f"# Point {front.ids[row]}, {title}", "", "## Objectives", ""]
     for axis, name in enumerate(names):
@@ -222,10 +209,7 @@ def text_of(
 
 
 def outside_text(outside: int, count: int, what: str) -> list[str]:
-    """Return lines on individuals outside the axes; none if all are inside.
-
-    ``outside`` of ``count`` individuals are outside the axes, which show the neighbourhood of ``what``.
-    """
+    """Return lines on individuals outside the axes; none if all are inside."""
     verb = "lies" if outside == 1 else "lie"
     words = f"{outside} of {counted(count, 'individual')} {verb} outside the axes, which show what is near {what}."
     return ["", words] if outside else []

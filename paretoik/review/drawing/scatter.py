@@ -260,10 +260,7 @@ class Scatter:
         lines: Lines = NO_LINES,
         static: bool = False,
     ) -> None:
-        """Label the point F (1, n_obj) of a layer; without words, remove the label.
-
-        The label covers as little as possible of the area to avoid; its line crosses none of ``lines`` [pixels].
-        """
+        """Label the point F (1, n_obj) of a layer; without words, remove the label."""
         for panel in self.panels[:1]:
             marks = panel.place(F[panel.shows(F)]) if words else NO_POINTS
             others = np.concatenate([panel.place(F), avoid])
@@ -309,11 +306,7 @@ class Scatter:
     def log_looked_at(
         self, recording: rr.RecordingStream, point: RecordedPoint, *, marked: Sequence[RecordedPoint], avoid: Area
     ) -> None:
-        """Mark a point that is looked at, next to the chosen one and the best of the objectives.
-
-        Its label also avoids that of the chosen point among the ``marked`` ones; the chosen point itself keeps its
-        label.
-        """
+        """Mark a point that is looked at, next to the chosen one and the best of the objectives."""
         F, name, lines = point.objectives[None], f"point {point.id}", NO_LINES
         words = name
         for each in (each for each in marked if each.axis is None):

@@ -1,7 +1,4 @@
-"""The recording of a search: all generations on common axes, then the front, its points one by one, and motions.
-
-Searches and closed loops share the legend, the charts over generations or steps, and the drawing of one of these.
-"""
+"""The recording of a search: all generations on common axes, then the front, its points one by one, and motions."""
 
 from __future__ import annotations
 
@@ -29,7 +26,6 @@ from paretoik.review.drawing.motion import (
 )
 from paretoik.review.drawing.point_text import (
     better_but_infeasible,
-    choice_text,
     infeasible_text,
     point_text,
     reason_text,
@@ -72,16 +68,13 @@ def search_entries(
 
 
 def search_charts(scene: SearchedFront, generations: Sequence[Generation]) -> list[Chart]:
-    """Return the charts over the generations: hypervolume, best values and sizes; a single objective's best is first.
-
-    For steps: each objective of the chosen points, between the best and the worst of the step's front.
-    """
+    """Return the charts over the generations: hypervolume, best values, sizes; a single objective's best is first."""
     shown = [generation for generation in generations if len(generation.front)]
     if not shown:
         return []
     numbers, charts = np.array([generation.number for generation in shown], dtype=float), list[Chart]()
     across = {"refinement": "refinement: 0 before, 1 after"}.get(scene.timeline, scene.timeline)
-    if scene.timeline == "step":
+    if scene.timeline == "step":  # the chosen points, between the best and the worst of each step's front
         for axis in range(len(scene.names)):
             ranges = np.array([np.sort([each.front[:, axis].min(), each.front[:, axis].max()]) for each in shown])
             ranges = ranges[:, ::-1] if scene.maximised[axis] else ranges
@@ -204,17 +197,14 @@ class SearchDrawing:
         set_times(stream, **times, **({"point": 0} if len(self._walk) > 1 else {}))
 
     def _log_end(self, stream: rr.RecordingStream) -> None:
-        """Draw the last front with its choice and motions.
-
-        If nothing is feasible, the least-violating point is drawn, with the constraints that it breaks.
-        """
+        """Draw the last front with its choice and motions."""
         front, choice, nearest, scatter = self.end.front, self.end.choice, self.end.least_violating, self._scatter
         self._at_the_end(stream)
         if front is not None:
             names = [f"point {number}" for number in front.ids]
             scatter.log_points(stream, "front", front.objectives, ids=front.ids, names=names)
             if choice is not None:
-                self._log_words(stream, front, choice_text(front, choice, whole=False))
+                self._log_words(stream, front, point_text(front, choice.index, chosen=choice))
         elif nearest is not None:
             units, cell = self.scene.units, self.scene.workcell
             log_text(stream, infeasible_text(self.scene.names, units, nearest, cell, "No feasible point"))

@@ -218,10 +218,7 @@ def draw_jumps(axes: Axes, front: Front) -> None:
 
 
 def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> None:
-    """Draw a single `motion`: its obstacles, some postures, later ones darker, and its tool path.
-
-    The axes must be three-dimensional for an arm that is not planar.
-    """
+    """Draw a single `motion`: its obstacles, some postures, later ones darker, and its tool path."""
     draw_obstacles(axes, motion)
     size = 2 if motion.arm.is_planar else 3
     links, tool = motion.links[..., :size], motion.tool[..., :size]

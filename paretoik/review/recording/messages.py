@@ -103,10 +103,7 @@ class PathScene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathEnd:
-    """Positions of the ``tool`` [m] at ``times`` [s], its ``reference``, if any, and its ``target``.
-
-    ``provenance`` is that of the run.
-    """
+    """Positions of the ``tool`` [m] at ``times`` [s], its ``reference``, if any, and its ``target``."""
 
     times: Times
     tool: Float[np.ndarray, "n task"]
@@ -323,10 +320,7 @@ class PlannedOptimum:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanEnd:
-    """The optima of a plan, best first, and the ``provenance`` of its run.
-
-    Without an optimum, ``least_violating`` is the motion that violates the limits least.
-    """
+    """The optima of a plan, best first, and the ``provenance`` of its run."""
 
     optima: Sequence[PlannedOptimum] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
