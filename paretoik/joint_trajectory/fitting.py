@@ -15,6 +15,7 @@ from paretoik.joint_trajectory.controllers import OPTIONS, Controller
 from paretoik.joint_trajectory.trajectory import JointTrajectory, TimeScaling, sample_motion, time_scaling
 from paretoik.robot import dynamics
 from paretoik.robot.arm import Arm
+from paretoik.task.limits import JOINT_UNITS
 from paretoik.task.motion import Motion
 
 # Comparison of a trajectory with a controller's limits at every sample, by differences and by derivatives.
@@ -24,14 +25,7 @@ from paretoik.task.motion import Motion
 # as derivatives of the curve itself; its jerk is the change of its acceleration over a period.
 
 
-UNITS = {
-    "position": "rad",
-    "velocity": "rad/s",
-    "acceleration": "rad/s²",
-    "jerk": "rad/s³",
-    "torque": "N m",
-    "torque rate": "N m/s",
-}
+UNITS = JOINT_UNITS | {"jerk": ("rad/s³", "m/s³"), "torque rate": ("N m/s", "N/s")}  # of turning and sliding joints
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,10 +134,7 @@ def unrest(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> str
 
 def with_unit(value: float, quantity: str, prismatic: bool) -> str:
     """Return a value of a quantity with its unit; a prismatic joint has metres and newtons."""
-    unit = UNITS[quantity]
-    if prismatic:
-        unit = unit.replace("rad", "m", 1) if unit.startswith("rad") else unit.replace("N m", "N", 1)
-    return f"{value:.6g} {unit}"
+    return f"{value:.6g} {UNITS[quantity][prismatic]}"
 
 
 # Slowing down: the fewest periods of a controller in which a motion satisfies its limits.
