@@ -15,7 +15,7 @@ from paretoik.review.drawing.arm import ArmDrawing
 from paretoik.review.drawing.axes import screen_text
 from paretoik.review.drawing.charts import Chart, LimitLine, fit_below_tabs
 from paretoik.review.drawing.label_places import joined_labels, label_place
-from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, set_times, text_view
+from paretoik.review.drawing.layout import Layout, Legend, drawn_entries, log_text, set_times, text_view
 from paretoik.review.drawing.motion import CHOSEN, limit_lines
 from paretoik.review.drawing.space import Stage, fitting_eye
 from paretoik.review.palette import DRAWING, SCENES, SCREEN, Colour, even_rows, joint_units
@@ -66,13 +66,18 @@ class PathDrawing:
             stream.log(f"{PATH}/tool", stage.points(tool[row, None], SCREEN.tool, 4.5, 3.0))
             for chart in charts:
                 chart.log_cursor(stream, float(end.times[row]))
-        entries = [("path of the tool", SCREEN.path), ("tool", SCREEN.tool), ("start and target", SCREEN.text)]
+        entries = drawn_entries(
+            ("path of the tool", SCREEN.path, True),
+            ("tool", SCREEN.tool, True),
+            ("start and target", SCREEN.text, True),
+            ("reference", SCREEN.target, end.reference is not None),
+        )
         view = stage.view(self.scene.title)
         if not stage.planar:  # no ground: the eye looks at the path only
             eye = fitting_eye(stage.seen)
             view = rrb.Spatial3DView(origin=PATH, name=view.name, background=SCREEN.background, eye_controls=eye)
         Layout(
-            legend=Legend(entries=entries + [("reference", SCREEN.target)] * (end.reference is not None)),
+            legend=Legend(entries=entries),
             front=view,
             charts=[chart.view() for chart in charts],
             texts=[text_view("run")],
@@ -283,17 +288,17 @@ class MaximaDrawing:
     @property
     def _layout(self) -> Layout:
         charts, cell = [chart.view() for chart in self._charts], self.scene.workcell
-        entries: list[Entry] = [
-            (f"highest {self.scene.word}s so far", SCREEN.front),
-            ("this direction", SCREEN.chosen),
-            ("all directions", SCREEN.final),
-            ("arm in the posture of this direction", SCREEN.arm),
-            ("postures of those before", SCREEN.ghost),
-            ("position of the tool", SCREEN.target),
-            ("what motors allow: dashed", SCREEN.text),
-        ]
-        entries += [("limits: dashed", SCREEN.text)] if "position" in cell.bounds else []
-        entries += [("obstacle", SCREEN.obstacle)] if cell.obstacles else []
+        entries = drawn_entries(
+            (f"highest {self.scene.word}s so far", SCREEN.front, True),
+            ("this direction", SCREEN.chosen, True),
+            ("all directions", SCREEN.final, True),
+            ("arm in the posture of this direction", SCREEN.arm, True),
+            ("postures of those before", SCREEN.ghost, True),
+            ("position of the tool", SCREEN.target, True),
+            ("what motors allow: dashed", SCREEN.text, True),
+            ("limits: dashed", SCREEN.text, "position" in cell.bounds),
+            ("obstacle", SCREEN.obstacle, cell.obstacles),
+        )
         return Layout(
             legend=Legend(entries=entries),
             front=self._stage.view(f"highest {self.scene.word} in each direction"),

@@ -113,6 +113,11 @@ class Legend:
         return places
 
 
+def drawn_entries(*entries: tuple[str, Colour, object]) -> list[Entry]:
+    """Return the words and colours of a legend's entries whose last part is true."""
+    return [(words, colour) for words, colour, is_drawn in entries if is_drawn]
+
+
 TEXT_ENTITY = "text"  # entity of the text about the point shown
 LEFT_OUT = "notes/left_out"  # entity of the note about what was left out
 

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from paretoik.review.drawing.arm import ArmDrawing, is_seen_beside, target_mark
 from paretoik.review.drawing.axes import screen_text
 from paretoik.review.drawing.charts import Chart
-from paretoik.review.drawing.layout import Layout, Legend, log_text, set_times, text_view
+from paretoik.review.drawing.layout import Layout, Legend, drawn_entries, log_text, set_times, text_view
 from paretoik.review.drawing.motion import MotionScene, motion_views
 from paretoik.review.drawing.point_text import NO_RANGE, loop_guide, outside_text, range_text, step_text
 from paretoik.review.drawing.scatter import Scatter, normalised
@@ -136,16 +136,16 @@ class StepScene:
             normalised(np.delete(objectives, front, axis=0), objectives[front]) if len(front) else objectives
             for objectives, front in zip(self.step.objectives, self.step.fronts, strict=True)
         ]
-        entries = [
-            *([("population", SCREEN.population)] if any(map(self._scatter.shows_any, behind)) else []),
-            ("front of the generation", SCREEN.front),
-            ("chosen by the weights, or the individual looked at", SCREEN.chosen),
-            ("its arm", SCREEN.arm),
-            *([("arms of the front", SCREEN.ghost)] if self._shows_arms else []),
-            *([("path to follow", SCREEN.target)] if cell.paths else []),
-            ("where the tool is to be", SCREEN.path),
-            *([("obstacle", SCREEN.obstacle)] if cell.obstacles else []),
-        ]
+        entries = drawn_entries(
+            ("population", SCREEN.population, any(map(self._scatter.shows_any, behind))),
+            ("front of the generation", SCREEN.front, True),
+            ("chosen by the weights, or the individual looked at", SCREEN.chosen, True),
+            ("its arm", SCREEN.arm, True),
+            ("arms of the front", SCREEN.ghost, self._shows_arms),
+            ("path to follow", SCREEN.target, cell.paths),
+            ("where the tool is to be", SCREEN.path, True),
+            ("obstacle", SCREEN.obstacle, cell.obstacles),
+        )
         return Legend(entity=f"{self._root}/legend", entries=entries)
 
     @cached_property

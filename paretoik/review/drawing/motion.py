@@ -16,7 +16,7 @@ from paretoik.arrays import Times, Values
 from paretoik.review.drawing.arm import ArmDrawing
 from paretoik.review.drawing.axes import entity_names, screen_text
 from paretoik.review.drawing.charts import Chart, LimitLine, curve_points, fit_below_tabs
-from paretoik.review.drawing.layout import Entry
+from paretoik.review.drawing.layout import Entry, drawn_entries
 from paretoik.review.palette import DRAWING, SCREEN, even_rows, has_masses, is_sliding, joint_units
 from paretoik.review.recording.messages import RecordedMotion, RecordedPoint, Workcell, joint_curves
 from paretoik.robot.kinematics import joint_scales, link_nodes
@@ -164,25 +164,20 @@ class MotionScene:
 
         ``postures``: name of the postures drawn behind arms that stand still, "" for none.
         """
-        cell = self.workcell
-        entries: list[Entry] = [(arm, SCREEN.arm)]
-        if cell.link_radius:
-            entries.append(("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255)))
-        if is_moving(self.points):
-            entries += [("its postures over time", SCREEN.ghost), ("path of its tool", SCREEN.path)]
-        elif postures:
-            entries.append((postures, SCREEN.ghost))
-        if cell.paths:
-            entries.append(("path to follow", SCREEN.target))
-        if cell.places:
-            entries.append(("places that count" if len(cell.places) > 1 else next(iter(cell.places)), SCREEN.target))
-        if len(cell.directions):
-            entries.append(("directions", SCREEN.target))
-        if cell.obstacles:
-            entries.append(("obstacle", SCREEN.obstacle))
-        if any(chart.limits for chart in self.charts.values()):
-            entries.append(("limits: dashed", SCREEN.text))
-        return entries
+        cell, moving = self.workcell, is_moving(self.points)
+        places = "places that count" if len(cell.places) > 1 else next(iter(cell.places), "")
+        return drawn_entries(
+            (arm, SCREEN.arm, True),
+            ("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255), cell.link_radius),
+            ("its postures over time", SCREEN.ghost, moving),
+            ("path of its tool", SCREEN.path, moving),
+            (postures, SCREEN.ghost, postures and not moving),
+            ("path to follow", SCREEN.target, cell.paths),
+            (places, SCREEN.target, cell.places),
+            ("directions", SCREEN.target, len(cell.directions)),
+            ("obstacle", SCREEN.obstacle, cell.obstacles),
+            ("limits: dashed", SCREEN.text, any(chart.limits for chart in self.charts.values())),
+        )
 
     @cached_property
     def charts(self) -> dict[str, Chart]:

@@ -25,7 +25,7 @@ from paretoik.review.drawing.axes import (
 )
 from paretoik.review.drawing.charts import Chart, curve_points
 from paretoik.review.drawing.label_places import joined_labels, label_area, label_place, line_points
-from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, set_times, text_view
+from paretoik.review.drawing.layout import Layout, Legend, drawn_entries, log_text, set_times, text_view
 from paretoik.review.drawing.motion import MotionScene, ReplayClock, motion_views
 from paretoik.review.drawing.point_text import infeasible_text
 from paretoik.review.palette import DRAWING, MARKS, SCREEN, Colour, even_rows, screen_label
@@ -537,16 +537,15 @@ class PlanDrawing:
     @property
     def _layout(self) -> Layout:
         motions, feasible = self._motions, self.end is None or self.end.least_violating is None
-        entries: list[Entry] = [
-            ("start", SCREEN.population),
-            ("start beyond the axes: a dash at their edge", SCREEN.population),
-            *([("what it led to", SCREEN.front)] if feasible else []),
-            ("start that led to no optimum", SCREEN.failed),
-        ]
-        if feasible:
-            entries.append(("best, of a level or in the end", SCREEN.chosen))
-            entries += [("optimum looked at", SCREEN.arm)] if self._count > 1 else []  # a single one is the best
-            entries.append(("values of the optima", SCREEN.final))
+        entries = drawn_entries(
+            ("start", SCREEN.population, True),
+            ("start beyond the axes: a dash at their edge", SCREEN.population, True),
+            ("what it led to", SCREEN.front, feasible),
+            ("start that led to no optimum", SCREEN.failed, True),
+            ("best, of a level or in the end", SCREEN.chosen, feasible),
+            ("optimum looked at", SCREEN.arm, feasible and self._count > 1),  # a single one is the best
+            ("values of the optima", SCREEN.final, feasible),
+        )
         if motions is not None:
             entries += motions.entries("arm" if feasible else "arm of the least-violating motion")
             entries.append(("arm of the start looked at", SCREEN.end(0)))

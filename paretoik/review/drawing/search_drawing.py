@@ -14,7 +14,7 @@ from paretoik.front.front import Front
 from paretoik.front.hypervolume import HypervolumeCurve, HypervolumeOptions
 from paretoik.review.drawing.axes import entity_names
 from paretoik.review.drawing.charts import Chart, fit_below_tabs
-from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, set_times, text_view
+from paretoik.review.drawing.layout import Entry, Layout, Legend, drawn_entries, log_text, set_times, text_view
 from paretoik.review.drawing.motion import (
     CHOSEN,
     MotionScene,
@@ -52,16 +52,17 @@ def search_entries(
 
     ``postures``: name of the postures drawn behind arms that stand still, "" for none.
     """
-    loop = scene.timeline == "step"
-    behind = {"level": "dominated", "refinement": "before"}.get(scene.timeline, "population")
-    entries: list[Entry] = [("front of the step" if loop else "front", SCREEN.front), (chosen, SCREEN.chosen)]
-    if not loop:
-        entries = [(behind, SCREEN.population), *entries, ("final front", SCREEN.final)]
-        entries += [("ε: bound of this level", SCREEN.epsilon)] if scene.timeline == "level" else []
-        entries += [("from before to after", SCREEN.moves)] if scene.timeline == "refinement" else []
-        if len(scene.names) > 1:
-            entries += [(f"best {name}", SCREEN.end(axis)) for axis, name in enumerate(scene.names)]
-        entries += [("point looked at", SCREEN.arm)] if walked else []
+    loop, several = scene.timeline == "step", len(scene.names) > 1
+    entries = drawn_entries(
+        ({"level": "dominated", "refinement": "before"}.get(scene.timeline, "population"), SCREEN.population, not loop),
+        ("front of the step" if loop else "front", SCREEN.front, True),
+        (chosen, SCREEN.chosen, True),
+        ("final front", SCREEN.final, not loop),
+        ("ε: bound of this level", SCREEN.epsilon, scene.timeline == "level"),
+        ("from before to after", SCREEN.moves, scene.timeline == "refinement"),
+        *((f"best {name}", SCREEN.end(axis), several and not loop) for axis, name in enumerate(scene.names)),
+        ("point looked at", SCREEN.arm, walked and not loop),
+    )
     arm = f"arm of the {chosen}" if chosen == "compromise" else "arm"
     arm = f"{arm}, or of the point looked at" if walked else arm
     return entries if motions is None else entries + motions.entries(arm, postures=postures)
