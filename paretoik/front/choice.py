@@ -10,7 +10,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
 
 from paretoik.arrays import Mask, Values
 from paretoik.errors import InvalidInput
@@ -224,8 +223,8 @@ def explain(
         score=score,
         details=MappingProxyType(dict(details or {})),
         shares=front.shares[row],
-        ends=compare_ends(front, row),
-        neighbours=compare_neighbours(front, row),
+        ends=compare_better(front, row, nearest=False),
+        neighbours=compare_better(front, row, nearest=True),
         rates=exchange_rates(front, row),
         jumps=tuple(pair for pair in front.jumps or () if int(front.ids[row]) in pair),
     )
@@ -243,27 +242,19 @@ def explain_named(front: FrontData, row: int) -> Choice:
     return explain(front, row, str(moves[-1]["reason"]) if moves else f"Point {id} was named.")
 
 
-def compare_ends(front: FrontData, row: int) -> tuple[Comparison, ...]:
-    """Return comparisons with the best point of each objective.
+def compare_better(front: FrontData, row: int, *, nearest: bool) -> tuple[Comparison, ...]:
+    """Return comparisons with the best, or the nearest better, point in each objective, in shares.
 
     Objectives in which the point of ``row`` is itself the best are left out.
     """
-    shares, best = front.shares, dict[int, list[str]]()
-    for axis, name in enumerate(front.names):
-        if shares[row, axis] > shares[:, axis].min() + OPTIONS.rounding:
-            best.setdefault(first_row(front, shares[:, axis]), []).append(name)
-    return tuple(compare(front, row, other, names) for other, names in best.items())
-
-
-def compare_neighbours(front: FrontData, row: int) -> tuple[Comparison, ...]:
-    """Return comparisons with the nearest better point, in shares, for each objective."""
-    shares, nearest = front.shares, dict[int, list[str]]()
+    shares, others = front.shares, dict[int, list[str]]()
     distance = np.linalg.norm(shares - shares[row], axis=1)
     for axis, name in enumerate(front.names):
         better = shares[row, axis] - shares[:, axis] > OPTIONS.rounding
         if better.any():
-            nearest.setdefault(first_row(front, distance, better), []).append(name)
-    return tuple(compare(front, row, other, names) for other, names in nearest.items())
+            other = first_row(front, distance, better) if nearest else first_row(front, shares[:, axis])
+            others.setdefault(other, []).append(name)
+    return tuple(compare(front, row, other, names) for other, names in others.items())
 
 
 def compare(front: FrontData, row: int, other: int, better_in: Sequence[str] = ()) -> Comparison:
@@ -290,43 +281,30 @@ def exchange_rates(front: FrontData, row: int) -> tuple[ExchangeRate, ...]:
         better = np.flatnonzero(shares[row, i] - shares[:, i] > OPTIONS.rounding)
         distance = np.linalg.norm(shares[better] - shares[row], axis=1)
         rows = better[np.lexsort((front.ids[better], distance))]
-        holds = _holds(front, row, i, rates)
-        if holds is None:
-            rows, holds = rows[:0], on_branch
-        count = int(np.argmin(np.append((holds & on_branch)[rows], False)))
+        # Rates hold for a point if they predict its cost in each other objective j: Σ_k r_kj g_k, with the gains g_k
+        # of all other objectives, the tangent plane of the front.
+        gains, holds = front.minimised[row] - front.minimised, on_branch.copy()
+        for j in (j for j in range(len(front.names)) if j != i):
+            others = np.delete(np.arange(len(front.names)), j)
+            if not np.isfinite(rates[others, j]).all():
+                rows = rows[:0]
+                break
+            costs = gains[:, others, None] * rates[others, j]  # (points, others, 2): by the lowest and highest rate
+            low, high = costs.min(axis=2).sum(axis=1), costs.max(axis=2).sum(axis=1)
+            error = np.maximum(low + gains[:, j], -gains[:, j] - high)
+            holds &= error <= OPTIONS.prediction * np.abs(costs).max(axis=2).sum(axis=1)
+        count = int(np.argmin(np.append(holds[rows], False)))
         last, after = rows[:count][-1:], rows[count:][:1]
         for j, cost in enumerate(front.names):
             low, high = map(float, rates[i, j])
             if i != j and np.isfinite(high):
-                rate = ExchangeRate(
-                    gain=gain,
-                    cost=cost,
-                    low=low,
-                    high=high,
-                    holds_to=int(front.ids[last[0]]) if len(last) else None,
-                    holds_for=float(np.abs(front.objectives[last, i] - front.objectives[row, i]).sum()),
-                    fails_at=int(front.ids[after[0]]) if len(after) else None,
-                )
-                result.append(rate)
+                reach: Any = {
+                    "holds_to": int(front.ids[last[0]]) if len(last) else None,
+                    "holds_for": float(np.abs(front.objectives[last, i] - front.objectives[row, i]).sum()),
+                    "fails_at": int(front.ids[after[0]]) if len(after) else None,
+                }
+                result.append(ExchangeRate(gain=gain, cost=cost, low=low, high=high, **reach))
     return tuple(result)
-
-
-def _holds(front: FrontData, row: int, axis: int, rates: Float[np.ndarray, "n_obj n_obj 2"]) -> Mask | None:
-    """Mark points whose costs the rates at ``row`` predict; None without rates.
-
-    The predicted cost in objective j is Σ_k r_kj g_k, with the gains g_k of all other objectives: the tangent plane of
-    the front. Costs in objective ``axis`` are not checked.
-    """
-    gains = front.minimised[row] - front.minimised
-    holds = np.ones(len(front), dtype=bool)
-    for j in (j for j in range(len(front.names)) if j != axis):
-        others = np.delete(np.arange(len(front.names)), j)
-        if not np.isfinite(rates[others, j]).all():
-            return None
-        costs = gains[:, others, None] * rates[others, j]  # (points, others, 2): by the lowest and the highest rate
-        error = np.maximum(costs.min(axis=2).sum(axis=1) + gains[:, j], -gains[:, j] - costs.max(axis=2).sum(axis=1))
-        holds &= error <= OPTIONS.prediction * np.abs(costs).max(axis=2).sum(axis=1)
-    return holds
 
 
 # The reason of a choice in sentences, made only from its fields.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from numbers import Integral
 from pathlib import Path
 from typing import Any, Literal, overload
@@ -83,6 +84,11 @@ def view(
         if not (isinstance(size, str) and size == "auto"):
             check_size(edge, size, 1)
     check_function("on_select", on_select)
+    for package in ("rerun_notebook", "anywidget"):
+        if find_spec(package) is None:
+            name = package.replace("_", "-")
+            raise InvalidInput(f'view: the package {name} must be installed: pip install "paretoik[notebook]"')
+    check_has_points(front, "view")
     return HANDED_DOWN["open_view"](front, on_select=on_select, width=width, height=height)
 
 

@@ -169,36 +169,27 @@ def check_ids(values: np.ndarray, points: int) -> Ids:
     return ids
 
 
-def sort_rows(name: str, values: np.ndarray | None, order: np.ndarray, *, dimensions: int) -> np.ndarray | None:
-    """Return values, one row per point, in an order; raises InvalidInput if they do not fit."""
-    if values is None:
+def sort_part(name: str, part: Any, order: np.ndarray) -> Any:
+    """Return an optional part of a front in an order; raises InvalidInput unless it fits the points."""
+    points = len(order)
+    if part is None:
         return None
-    rows = real_array(f"front {name}", values)
-    if rows.ndim != dimensions or len(rows) != len(order) or not np.isfinite(rows).all():
-        raise InvalidInput(f"front {name} must be finite numbers for {len(order)} points, got shape {rows.shape}")
+    if name == "certificates":
+        check_instance("front certificates", part, Certificates, "those of refined points")
+        if len(part) != points:
+            raise InvalidInput(f"front certificates must be one for each of {points} points, got {len(part)}")
+        return part[order]
+    if name == "motions":
+        q = getattr(part, "q", None)
+        if not isinstance(q, np.ndarray):
+            raise InvalidInput(f"front motions must be a batch of motions, got {shown(part)}")
+        if q.ndim != 3 or len(part) != points:
+            raise InvalidInput(f"front motions must be a batch of {points}, got joint positions {q.shape}")
+        return part if (order == np.arange(points)).all() else part[order]
+    rows = real_array(f"front {name}", part)
+    if rows.ndim != {"genes": 2, "violation": 1}[name] or len(rows) != points or not np.isfinite(rows).all():
+        raise InvalidInput(f"front {name} must be finite numbers for {points} points, got shape {rows.shape}")
     return read_only(rows[order])
-
-
-def sort_motions(motions: JointMotions | None, order: np.ndarray) -> Any:
-    """Return motions in an order; raises InvalidInput unless there is one per point."""
-    if motions is None:
-        return None
-    q = getattr(motions, "q", None)
-    if not isinstance(q, np.ndarray):
-        raise InvalidInput(f"front motions must be a batch of motions, got {shown(motions)}")
-    if q.ndim != 3 or len(motions) != len(order):
-        raise InvalidInput(f"front motions must be a batch of {len(order)}, got joint positions {q.shape}")
-    return motions if (order == np.arange(len(order))).all() else motions[order]
-
-
-def sort_certificates(certificates: Certificates | None, order: np.ndarray) -> Certificates | None:
-    """Return certificates in an order; raises InvalidInput unless there is one per point."""
-    if certificates is None:
-        return None
-    check_instance("front certificates", certificates, Certificates, "those of refined points")
-    if len(certificates) != len(order):
-        raise InvalidInput(f"front certificates must be one for each of {len(order)} points, got {len(certificates)}")
-    return certificates[order]
 
 
 def check_ranges(values: np.ndarray, objectives: Objectives) -> Ranges:
@@ -255,10 +246,7 @@ class FrontData:
             "maximised": tuple(bool(flag) for flag in self.maximised),
             "ids": read_only(ids[order]),
             "objectives": read_only(objectives[order]),
-            "genes": sort_rows("genes", self.genes, order, dimensions=2),
-            "violation": sort_rows("violation", self.violation, order, dimensions=1),
-            "motions": sort_motions(self.motions, order),
-            "certificates": sort_certificates(self.certificates, order),
+            **{name: sort_part(name, getattr(self, name), order) for name in PARTS},
             "ranges": check_ranges(self.ranges, objectives),
         }
         check_mapping("front provenance", self.provenance, "entries by name")

@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -54,30 +55,25 @@ def save(front: FrontData, folder: Path, *, overwrite: bool = False) -> None:
     """
     files = front_files(front)
     with only_writer(folder):
-        if is_run(folder / RUN) and not _keeps_run(front, folder):
-            if not overwrite:
+        if is_run(folder / RUN):
+            keeps = False  # whether the front has the problem and all points of the folder's run
+            with suppress(InvalidRun):
+                run, points = _read_front_entries(folder / RUN), stored_points(folder)
+                values = dict(zip(front.ids.tolist(), map(tuple, front.objectives.tolist()), strict=True))
+                keeps = (
+                    run.get("fingerprint") == front.provenance.get("fingerprint")
+                    and [entry["name"] for entry in run["objectives"]] == list(front.names)
+                    and all(values.get(number) == stored for number, stored in points.items())
+                )
+            if not keeps and not overwrite:
                 raise InvalidInput(
                     f"{folder} must be a new folder or this front's own, got one that holds another run, or points "
                     "that this front has not; overwrite=True replaces it"
                 )
-            if (folder / CHOICES).exists():
+            if not keeps and (folder / CHOICES).exists():
                 files[CHOICES] = run_bytes({"entries": [], "current": None})
         replace_files(folder, files)
     attach(front, folder)
-
-
-def _keeps_run(front: FrontData, folder: Path) -> bool:
-    """Return whether a front has the problem and all points of a folder's run."""
-    try:
-        run, points = _read_front_entries(folder / RUN), stored_points(folder)
-    except InvalidRun:
-        return False
-    values = dict(zip(front.ids.tolist(), map(tuple, front.objectives.tolist()), strict=True))
-    return (
-        run.get("fingerprint") == front.provenance.get("fingerprint")
-        and [entry["name"] for entry in run["objectives"]] == list(front.names)
-        and all(values.get(number) == stored for number, stored in points.items())
-    )
 
 
 def front_files(front: FrontData) -> dict[str, bytes]:
@@ -136,11 +132,10 @@ def load(folder: Path, *, make: Callable[..., Front], build_motions: MotionBuild
     try:
         certificates = None
         if "criticality" in table and all(name in arrays for name in CERTIFICATE_ARRAYS):
-            certificates = Certificates(
-                **{name: table[name] for name in ("violation", *CERTIFICATE_COLUMNS, "status")},
-                **{name: arrays[name] for name in (*CERTIFICATE_ARRAYS, *LATER_ARRAYS) if name in arrays},
-                **{name: table[name] for name in ("reason",) if name in table},
-            )
+            columns = ("violation", *CERTIFICATE_COLUMNS, *CERTIFICATE_TEXTS)
+            parts = {name: table[name] for name in columns if name in table}
+            parts |= {name: arrays[name] for name in (*CERTIFICATE_ARRAYS, *LATER_ARRAYS) if name in arrays}
+            certificates = Certificates(**parts)
         front = make(
             ids=table["id"],
             objectives=np.stack([table[name] for name in names], axis=1),

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -14,6 +15,7 @@ from paretoik.joint_trajectory.controllers import OPTIONS, Controller
 from paretoik.joint_trajectory.trajectory import JointTrajectory, TimeScaling, sample_motion, time_scaling
 from paretoik.robot import dynamics
 from paretoik.robot.arm import Arm
+from paretoik.task.limits import JOINT_UNITS
 from paretoik.task.motion import Motion
 
 # Comparison of a trajectory with a controller's limits at every sample, by differences and by derivatives.
@@ -23,36 +25,7 @@ from paretoik.task.motion import Motion
 # as derivatives of the curve itself; its jerk is the change of its acceleration over a period.
 
 
-UNITS = {
-    "position": "rad",
-    "velocity": "rad/s",
-    "acceleration": "rad/s²",
-    "jerk": "rad/s³",
-    "torque": "N m",
-    "torque rate": "N m/s",
-}
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LimitedSeries:
-    """Values (samples, dof) of a ``quantity`` with their bounds; value i is that of sample i + ``shift``.
-
-    ``center`` (dof,) is the value that uses nothing of a limit: 0, or for positions the middle of their range.
-    """
-
-    quantity: str
-    values: Float[np.ndarray, "samples dof"]
-    lower: Float[np.ndarray, "#samples dof"]
-    upper: Float[np.ndarray, "#samples dof"]
-    shift: int = 0
-    center: Float[np.ndarray, "*dof"] | float = 0.0
-
-    @property
-    def use(self) -> Float[np.ndarray, "samples dof"]:
-        """Share of its limit that each value uses: 1 at the limit, 0 at the center."""
-        distance = self.values - self.center
-        room = np.where(distance < 0, self.center - self.lower, self.upper - self.center)
-        return np.where(distance == 0, 0.0, np.abs(distance) / np.maximum(room, np.finfo(float).tiny))
+UNITS = JOINT_UNITS | {"jerk": ("rad/s³", "m/s³"), "torque rate": ("N m/s", "N/s")}  # of turning and sliding joints
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,25 +57,62 @@ def limit_uses(trajectory: JointTrajectory, controller: Controller, arm: Arm) ->
 
     Torques are the arm's own, with gravity, if it has masses.
     """
+    q, rate = trajectory.q, (len(trajectory.time) - 1) / trajectory.time[-1]
+    lower, upper = controller.position.T
+    # A range with one end counts as 2 rad, or m, wide: it has no middle, and is not used far from its end.
+    low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2.0, -1.0))
+    high = np.where(np.isfinite(upper), upper, np.where(np.isfinite(lower), lower + 2.0, 1.0))
+    middle = (low + high) / 2
+
+    # Derivatives as the controller computes them; before the first and after the last command the robot rests.
+    commands = np.concatenate([q[:1]] * 3 + [q] + [q[-1:]] * 3)
+    velocity = np.diff(commands, axis=0) * rate
+    acceleration = np.diff(velocity, axis=0) * rate
+    changes = np.diff(np.pad(trajectory.ddq, ((1, 1), (0, 0))), axis=0) * rate
+    # Quantity, values (samples, dof), bounds (2, #samples, dof), and the sample of the first value.
+    compared = [
+        ("position", q, controller.position.T[:, None], 0),
+        ("velocity", velocity, controller.velocity_bounds(commands[1:]), -2),
+        ("acceleration", acceleration, _both_sides(controller.acceleration), -1),
+        ("jerk", np.diff(acceleration, axis=0) * rate, _both_sides(controller.jerk), 0),
+        ("velocity", trajectory.dq, controller.velocity_bounds(q), 0),
+        ("acceleration", trajectory.ddq, _both_sides(controller.acceleration), 0),
+        ("jerk", changes, _both_sides(controller.jerk), 0),
+    ]
+    if any(body.mass > 0 for body in arm.bodies):
+        torque = dynamics.inverse_dynamics(arm, q, trajectory.dq, trajectory.ddq)
+        still = np.zeros((2, arm.dof))
+        static_torque = dynamics.inverse_dynamics(arm, q[[0, -1]], still, still)
+        steps = np.diff(np.concatenate([static_torque[:1], torque, static_torque[1:]]), axis=0)
+        compared.append(("torque", torque, _both_sides(controller.torque), 0))
+        compared.append(("torque rate", steps * rate, _both_sides(controller.torque_rate), 0))
+
     largest: dict[str, LimitUse] = {}
-    for series in _limited_series(trajectory, controller, arm):
-        use = series.use
-        sample, joint = (int(i) for i in np.unravel_index(int(np.argmax(use)), use.shape))
-        value = float(series.values[sample, joint])
-        bounds = series.lower if value < np.broadcast_to(series.center, arm.dof)[joint] else series.upper
-        limit = float(np.broadcast_to(bounds, use.shape)[sample, joint])
-        before = largest.get(series.quantity)
-        if np.isfinite(limit) and (before is None or use[sample, joint] > before.use):
-            largest[series.quantity] = LimitUse(
-                quantity=series.quantity,
+    for quantity, values, (low, high), first in compared:
+        # the share of its limit that each value uses: 1 at the limit, 0 at 0 or in the middle of a range
+        center = middle if quantity == "position" else np.zeros(arm.dof)
+        distance = values - center
+        room = np.where(distance < 0, center - low, high - center)
+        shares = np.where(distance == 0, 0.0, np.abs(distance) / np.maximum(room, np.finfo(float).tiny))
+        sample, joint = (int(i) for i in np.unravel_index(int(np.argmax(shares)), shares.shape))
+        bounds, use = low if distance[sample, joint] < 0 else high, float(shares[sample, joint])
+        limit = float(np.broadcast_to(bounds, shares.shape)[sample, joint])
+        if np.isfinite(limit) and (quantity not in largest or use > largest[quantity].use):
+            largest[quantity] = LimitUse(
+                quantity=quantity,
                 joint=trajectory.joint_names[joint],
                 prismatic=arm.joint_types[joint] == "prismatic",
-                time=float(trajectory.time[np.clip(sample + series.shift, 0, len(trajectory.time) - 1)]),
-                value=value,
+                time=float(trajectory.time[np.clip(sample + first, 0, len(trajectory.time) - 1)]),
+                value=float(values[sample, joint]),
                 limit=limit,
-                use=float(use[sample, joint]),
+                use=use,
             )
     return sorted(largest.values(), key=lambda each: -each.use)
+
+
+def _both_sides(limit: Float[np.ndarray, " dof"]) -> Float[np.ndarray, "2 1 dof"]:
+    """Return a symmetric limit as its lower and its upper bound."""
+    return np.stack([-limit, limit])[:, None]
 
 
 def unrest(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> str | None:
@@ -124,46 +134,7 @@ def unrest(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> str
 
 def with_unit(value: float, quantity: str, prismatic: bool) -> str:
     """Return a value of a quantity with its unit; a prismatic joint has metres and newtons."""
-    unit = UNITS[quantity]
-    if prismatic:
-        unit = unit.replace("rad", "m", 1) if unit.startswith("rad") else unit.replace("N m", "N", 1)
-    return f"{value:.6g} {unit}"
-
-
-def _limited_series(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> Iterator[LimitedSeries]:
-    q, rate = trajectory.q, (len(trajectory.time) - 1) / trajectory.time[-1]
-    lower, upper = controller.position.T
-    # A range with one end counts as 2 rad, or m, wide: it has no middle, and is not used far from its end.
-    low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2.0, -1.0))
-    high = np.where(np.isfinite(upper), upper, np.where(np.isfinite(lower), lower + 2.0, 1.0))
-    middle = (low + high) / 2
-    yield LimitedSeries(quantity="position", values=q, lower=lower[None], upper=upper[None], center=middle)
-
-    # Derivatives as the controller computes them; before the first and after the last command the robot rests.
-    commands = np.concatenate([q[:1]] * 3 + [q] + [q[-1:]] * 3)
-    velocity = np.diff(commands, axis=0) * rate
-    low, high = controller.velocity_bounds(commands[1:])
-    yield LimitedSeries(quantity="velocity", values=velocity, lower=low, upper=high, shift=-2)
-    acceleration = np.diff(velocity, axis=0) * rate
-    yield _symmetric("acceleration", acceleration, controller.acceleration, shift=-1)
-    yield _symmetric("jerk", np.diff(acceleration, axis=0) * rate, controller.jerk)
-
-    low, high = controller.velocity_bounds(q)
-    yield LimitedSeries(quantity="velocity", values=trajectory.dq, lower=low, upper=high)
-    yield _symmetric("acceleration", trajectory.ddq, controller.acceleration)
-    yield _symmetric("jerk", np.diff(np.pad(trajectory.ddq, ((1, 1), (0, 0))), axis=0) * rate, controller.jerk)
-
-    if any(body.mass > 0 for body in arm.bodies):
-        torque = dynamics.inverse_dynamics(arm, q, trajectory.dq, trajectory.ddq)
-        yield _symmetric("torque", torque, controller.torque)
-        still = np.zeros((2, arm.dof))
-        static_torque = dynamics.inverse_dynamics(arm, q[[0, -1]], still, still)
-        steps = np.diff(np.concatenate([static_torque[:1], torque, static_torque[1:]]), axis=0)
-        yield _symmetric("torque rate", steps * rate, controller.torque_rate)
-
-
-def _symmetric(quantity: str, values: np.ndarray, limit: np.ndarray, shift: int = 0) -> LimitedSeries:
-    return LimitedSeries(quantity=quantity, values=values, lower=-limit[None], upper=limit[None], shift=shift)
+    return f"{value:.6g} {UNITS[quantity][prismatic]}"
 
 
 # Slowing down: the fewest periods of a controller in which a motion satisfies its limits.
@@ -234,7 +205,19 @@ def fit_motion(
         factor = max((slowing(use) for use in uses if use.quantity in ORDERS), default=1.0)
         guess = replace(scaling, periods=math.ceil(scaling.periods * max(factor, 1.0)))
         if _measure(motion, guess, controller)[1] is not None:
-            raise _unrest(motion, controller, moving, _ramp_advice(motion, scaling, controller))
+            shortest, advice = max(scaling.ramp, 1 / scaling.rate), ""
+            for ramp in (
+                each for each in OPTIONS.ramps if shortest <= each <= scaling.duration and each > scaling.ramp
+            ):
+                ramped = time_scaling(scaling.duration, scaling.rate, time_scale=max(scaling.factor, 1.0), ramp=ramp)
+                if not any(use.exceeded for use in _measure(motion, ramped, controller)[0] if use.quantity in ORDERS):
+                    advice = f"ramp={ramp:g} (--ramp {ramp:g}) starts and stops it on the same curve, within the limits"
+                    break
+            if not advice:
+                ramp = max(min(OPTIONS.usual_ramp, scaling.duration / 2), 1 / scaling.rate)
+                advice = f"ramp={ramp:g} with slow_down=True (--ramp {ramp:g} --slow-down) starts and stops it on the "
+                advice += "same curve"
+            raise _refusal(motion, controller, moving, advice)
     slowed = slow_down(scaling, lambda each: _measure(motion, each, controller)[0])
     if slowed is None:
         raise _refusal(motion, controller, uses[0], "no slowing down helps: at rest it is as much")
@@ -242,32 +225,18 @@ def fit_motion(
         return sample_motion(motion, slowed), slowed, _measure(motion, slowed, controller)[0]
     scale = f"{slowed.factor * (1 + 5e-5):.4f}"  # rounded up
     advice = f"slowed down {scale} times it keeps every limit: time_scale={scale} or slow_down=True (--slow-down)"
-    if moving is not None:
-        raise _unrest(motion, controller, moving, advice)
-    raise _refusal(motion, controller, uses[0], advice)
+    raise _refusal(motion, controller, moving or uses[0], advice)
 
 
-def _refusal(motion: Motion, controller: Controller, use: LimitUse, advice: str) -> Infeasible:
-    message = f"controller {controller.name}: {use}; {advice}"
-    return Infeasible(message, motion=motion, limit=use.quantity, violation=use.use - 1)
-
-
-def _unrest(motion: Motion, controller: Controller, moving: str, advice: str) -> Infeasible:
-    return Infeasible(f"controller {controller.name}: {moving}; {advice}", motion=motion, limit="rest")
+def _refusal(motion: Motion, controller: Controller, cause: LimitUse | str, advice: str) -> Infeasible:
+    """Return the error of a motion that exceeds a limit, or is not at rest."""
+    about: Any = {"limit": "rest"}
+    if isinstance(cause, LimitUse):
+        about = {"limit": cause.quantity, "violation": cause.use - 1}
+    return Infeasible(f"controller {controller.name}: {cause}; {advice}", motion=motion, **about)
 
 
 def _measure(motion: Motion, scaling: TimeScaling, controller: Controller) -> tuple[list[LimitUse], str | None]:
     """Return the uses of limits at the controller's rate, and ``unrest``'s text."""
     trajectory = sample_motion(motion, scaling, controller.rate)
     return limit_uses(trajectory, controller, motion.arm), unrest(trajectory, controller, motion.arm)
-
-
-def _ramp_advice(motion: Motion, scaling: TimeScaling, controller: Controller) -> str:
-    shortest = max(scaling.ramp, 1 / scaling.rate)
-    for ramp in (ramp for ramp in OPTIONS.ramps if shortest <= ramp <= scaling.duration and ramp > scaling.ramp):
-        ramped = time_scaling(scaling.duration, scaling.rate, time_scale=max(scaling.factor, 1.0), ramp=ramp)
-        uses, _ = _measure(motion, ramped, controller)
-        if not any(use.exceeded for use in uses if use.quantity in ORDERS):
-            return f"ramp={ramp:g} (--ramp {ramp:g}) starts and stops it on the same curve, within the limits"
-    ramp = max(min(OPTIONS.usual_ramp, scaling.duration / 2), 1 / scaling.rate)
-    return f"ramp={ramp:g} with slow_down=True (--ramp {ramp:g} --slow-down) starts and stops it on the same curve"

@@ -53,17 +53,13 @@ def parquet_bytes(trajectory: JointTrajectory) -> bytes:
 
 def npz_bytes(trajectory: JointTrajectory) -> bytes:
     """Return an NPZ of ``joint_names``, ``time``, ``q``, ``dq``, ``ddq`` and ``metadata``, JSON; without pickle."""
-    sink = io.BytesIO()
-    np.savez(
-        sink,
-        allow_pickle=False,
-        joint_names=np.array(trajectory.joint_names, dtype=np.str_),
-        time=trajectory.time,
-        q=trajectory.q,
-        dq=trajectory.dq,
-        ddq=trajectory.ddq,
-        metadata=np.array(metadata_json(trajectory), dtype=np.str_),
+    names, metadata = (
+        np.array(trajectory.joint_names, dtype=np.str_),
+        np.array(metadata_json(trajectory), dtype=np.str_),
     )
+    series = {name: getattr(trajectory, name) for name in ("time", "q", "dq", "ddq")}
+    sink = io.BytesIO()
+    np.savez(sink, allow_pickle=False, joint_names=names, **series, metadata=metadata)
     return sink.getvalue()
 
 
@@ -98,18 +94,16 @@ def metadata_json(trajectory: JointTrajectory) -> str:
 
 MESSAGE = "trajectory_msgs/msg/JointTrajectory"
 TOPIC = "/joint_trajectory_controller/joint_trajectory"  # with the default name of that controller in ros2_control
-BAG_VERSION: Literal[8] = 8  # rosbag2 format, the earlier of two in rosbags: more releases of ROS 2 read it
 
 
 def yaml_bytes(trajectory: JointTrajectory) -> bytes:
     """Return the message as YAML, after the metadata as comments."""
     import yaml
 
+    series = (values.tolist() for values in (trajectory.q, trajectory.dq, trajectory.ddq))
     points = [
         {"positions": q, "velocities": dq, "accelerations": ddq, "effort": [], "time_from_start": since}
-        for q, dq, ddq, since in zip(
-            trajectory.q.tolist(), trajectory.dq.tolist(), trajectory.ddq.tolist(), _durations(trajectory), strict=True
-        )
+        for q, dq, ddq, since in zip(*series, _durations(trajectory), strict=True)
     ]
     message = {
         "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
@@ -139,13 +133,32 @@ def write_bag(trajectory: JointTrajectory, folder: Path) -> None:
 
     Raises InvalidInput if ``check_bag`` does, or the system refuses.
     """
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
     check_bag(folder, overwrite=True)
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kinds: dict[str, Any] = store.types
+    time, duration = kinds["builtin_interfaces/msg/Time"], kinds["builtin_interfaces/msg/Duration"]
+    point = kinds["trajectory_msgs/msg/JointTrajectoryPoint"]
+    samples = zip(trajectory.q, trajectory.dq, trajectory.ddq, _durations(trajectory), strict=True)
+    message = kinds[MESSAGE](
+        header=kinds["std_msgs/msg/Header"](stamp=time(sec=0, nanosec=0), frame_id=""),
+        joint_names=list(trajectory.joint_names),
+        points=[
+            point(positions=q, velocities=dq, accelerations=ddq, effort=np.zeros(0), time_from_start=duration(**since))
+            for q, dq, ddq, since in samples
+        ],
+    )
     work = folder.with_name(f".{folder.name}.{os.getpid()}")
     part, former = work / folder.name, work / "former"  # the files of a bag have the bag's name
     try:
         work.mkdir(parents=True)
         try:
-            _fill_bag(trajectory, part)
+            with Writer(part, version=8) as writer:  # the earlier of two formats: more releases of ROS 2 read it
+                writer.set_custom_data("paretoik", metadata_json(trajectory))
+                connection = writer.add_connection(TOPIC, MESSAGE, typestore=store)
+                writer.write(connection, 0, store.serialize_cdr(message, MESSAGE))
             if folder.exists():
                 folder.rename(former)
             part.rename(folder)
@@ -155,30 +168,6 @@ def write_bag(trajectory: JointTrajectory, folder: Path) -> None:
             shutil.rmtree(work, ignore_errors=True)
     except OSError as fault:
         raise InvalidInput(f"{folder} must be writable, got {fault.strerror}") from fault
-
-
-def _fill_bag(trajectory: JointTrajectory, folder: Path) -> None:
-    from rosbags.rosbag2 import Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    kinds: dict[str, Any] = store.types
-    time, duration = kinds["builtin_interfaces/msg/Time"], kinds["builtin_interfaces/msg/Duration"]
-    point = kinds["trajectory_msgs/msg/JointTrajectoryPoint"]
-    message = kinds[MESSAGE](
-        header=kinds["std_msgs/msg/Header"](stamp=time(sec=0, nanosec=0), frame_id=""),
-        joint_names=list(trajectory.joint_names),
-        points=[
-            point(positions=q, velocities=dq, accelerations=ddq, effort=np.zeros(0), time_from_start=duration(**since))
-            for q, dq, ddq, since in zip(
-                trajectory.q, trajectory.dq, trajectory.ddq, _durations(trajectory), strict=True
-            )
-        ],
-    )
-    with Writer(folder, version=BAG_VERSION) as writer:
-        writer.set_custom_data("paretoik", metadata_json(trajectory))
-        connection = writer.add_connection(TOPIC, MESSAGE, typestore=store)
-        writer.write(connection, 0, store.serialize_cdr(message, MESSAGE))
 
 
 def _durations(trajectory: JointTrajectory) -> list[dict[str, int]]:

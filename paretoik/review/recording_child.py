@@ -30,10 +30,9 @@ from typing import Any, Protocol
 import rerun as rr
 import rerun.blueprint as rrb
 
+from paretoik.review.drawing.capability_drawing import MaximaDrawing, PathDrawing
 from paretoik.review.drawing.layout import RecordedLayout, stream_in_memory
 from paretoik.review.drawing.loop_drawing import LoopDrawing
-from paretoik.review.drawing.maxima_drawing import MaximaDrawing
-from paretoik.review.drawing.path_drawing import PathDrawing
 from paretoik.review.drawing.plan_drawing import PlanDrawing
 from paretoik.review.drawing.resolution_drawing import ResolutionDrawing
 from paretoik.review.drawing.search_drawing import FrontReduction, SearchDrawing
@@ -300,10 +299,7 @@ def main() -> None:
 
 
 def messages(source: int, parent: int) -> Iterator[tuple[str, Any, int] | None]:
-    """Yield kind, message and the number of dropped messages as they arrive, until the parent is gone.
-
-    Yield None if there was no message for a while.
-    """
+    """Yield kind, message and the number of dropped messages as they arrive, until the parent is gone."""
     part = bytearray()
     while True:
         if len(part) >= HEADER and len(part) >= HEADER + (length := int.from_bytes(part[:HEADER])):

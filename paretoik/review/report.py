@@ -133,9 +133,8 @@ class ReportMotions:
         }
         nodes, directions = self._nodes, getattr(self.front.problem, "directions", None)
         planar, flat = motions.arm.is_planar, nodes.reshape(-1, nodes.shape[-1])
-        lines = obstacle_lines(
-            motions.obstacles, None if planar else (float(flat[:, -1].min()), float(flat[:, -1].max()))
-        )
+        height = None if planar else (float(flat[:, -1].min()), float(flat[:, -1].max()))
+        lines = obstacle_lines(motions.obstacles, height)
         paths = [np.asarray(each.path.positions)[:, : nodes.shape[-1]] for each in motions.tasks]
         shown = np.concatenate([flat, *lines, *paths])
         described["arm"] = {
@@ -200,7 +199,8 @@ class ReportPage:
     @cached_property
     def _data(self) -> dict[str, Any]:
         """The data of the script, except the motions."""
-        front, steps, certificates, whole = self.front, self.report.steps, self.front.certificates, self.report.front
+        front, certificates, whole = self.front, self.front.certificates, self.report.front
+        steps = self.report.steps
         branches: list[list[int]] | None = None  # the ids of each branch of optima in order; None if unknown
         if (jumps := whole.jumps) is not None:
             branches, on_page = [whole.ids[:1].tolist()], set(front.ids.tolist())
@@ -224,9 +224,7 @@ class ReportPage:
             "branches": branches,
             "nearest": self.report.nearest,
             "motions": None if self._motions is None else self._motions.description(),
-            "steps": None
-            if steps is None
-            else {part.name: _digits(getattr(steps, part.name), 5) for part in fields(steps)},
+            "steps": steps and {part.name: _digits(getattr(steps, part.name), 5) for part in fields(steps)},
             "colours": {"accents": PAPER.accents, "quiet": PAPER.quiet, "ink": PAPER.ink, "grid": PAPER.grid},
         }
 
@@ -234,12 +232,8 @@ class ReportPage:
         """Return the page with the motions of some points, by their id."""
         from jinja2 import Environment, StrictUndefined
 
-        front, whole, certificates, rows = (
-            self.front,
-            self.report.front,
-            self.front.certificates,
-            list[dict[str, Any]](),
-        )
+        front, whole, certificates = self.front, self.report.front, self.front.certificates
+        (bundle, packed), rows = plotly_bundle(), list[dict[str, Any]]()
         script, provenance = "\n".join(_page_file(name) for name in SCRIPTS), dict(whole.provenance)
         if "computed" in provenance:
             provenance["computed"] = computed_text(provenance["computed"])
@@ -249,10 +243,11 @@ class ReportPage:
             cells = [f"{value:.6g}" for value in front.objectives[row]]
             for value in (values[row] for _, values in self._checks.values()):
                 cells.append("0" if value == 0 else f"{value:.1e}" if np.isfinite(value) else "unknown")
-            status = "" if certificates is None else str(certificates.status[row])
-            reason = "" if certificates is None else str(certificates.reason[row])
-            mark = self._marks.get(number, "")
-            rows.append({"id": number, "cells": cells, "status": status, "reason": reason, "mark": mark})
+            texts = {
+                name: "" if certificates is None else str(getattr(certificates, name)[row])
+                for name in ("status", "reason")
+            }
+            rows.append({"id": number, "cells": cells, "mark": self._marks.get(number, ""), **texts})
         # JSON, with all characters escaped that could end the script in HTML
         data = {**self._data, "blocks": {str(number): block for number, block in blocks.items()}}
         text = json.dumps(data, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
@@ -278,9 +273,9 @@ class ReportPage:
             script=script,
             hashes=[  # a browser runs only scripts with these hashes (Content Security Policy, level 2)
                 "sha256-" + base64.b64encode(hashlib.sha256(each.encode()).digest()).decode()
-                for each in (script, plotly_bundle())
+                for each in (script, bundle)
             ],
-            bundle=_packed_bundle(),
+            bundle=packed,
             data=text,
         )
 
@@ -305,17 +300,12 @@ class ReportPage:
 
 
 @cache
-def plotly_bundle() -> str:
-    """Return Plotly's JavaScript."""
+def plotly_bundle() -> tuple[str, str]:
+    """Return Plotly's JavaScript, and the same by gzip and base64: two fifths of its size."""
     from plotly.offline import get_plotlyjs
 
-    return str(get_plotlyjs())
-
-
-@cache
-def _packed_bundle() -> str:
-    """Return Plotly's JavaScript, gzip and base64: two fifths of its size, which leaves space for motions."""
-    return base64.b64encode(gzip.compress(plotly_bundle().encode(), 9, mtime=0)).decode()
+    source = str(get_plotlyjs())
+    return source, base64.b64encode(gzip.compress(source.encode(), 9, mtime=0)).decode()
 
 
 @cache

@@ -106,7 +106,13 @@ class Classify:
             name: -value if front.maximised[front.names.index(name)] else value
             for name, value in {**self.improve_to, **self.relax_to}.items()
         }
-        self._check_values(front, start, values)
+        for field, side, wish in (("improve_to", -1.0, "better than"), ("relax_to", 1.0, "no better than")):
+            for name in getattr(self, field):
+                axis = front.names.index(name)
+                worse = side * (values[name] - front.minimised[start, axis])
+                if worse < 0 or (worse == 0 and field == "improve_to"):
+                    now, value = f"{front.objectives[start, axis]:.6g}", getattr(self, field)[name]
+                    raise InvalidInput(f"classify {field}: {name} must be {wish} the current {now}, got {value:g}")
 
         # Points in which no objective is worse than its class allows.
         limits, widths = front.minimised[start].copy(), np.ptp(front.ranges, axis=1)
@@ -138,20 +144,6 @@ class Classify:
 
     def _names(self) -> list[str]:
         return [name for field in CLASSES for name in getattr(self, field)]
-
-    def _check_values(self, front: FrontData, start: int, values: Mapping[str, float]) -> None:
-        """Raise InvalidInput if a value is on the wrong side of the current one.
-
-        ``values`` are minimised: those to improve to must be better, those to relax to no better.
-        """
-        for field, side in (("improve_to", -1.0), ("relax_to", 1.0)):
-            for name, value in getattr(self, field).items():
-                axis = front.names.index(name)
-                worse = side * (values[name] - front.minimised[start, axis])
-                if worse < 0 or (worse == 0 and field == "improve_to"):
-                    wish = "better than" if field == "improve_to" else "no better than"
-                    now = f"{front.objectives[start, axis]:.6g}"
-                    raise InvalidInput(f"classify {field}: {name} must be {wish} the current {now}, got {value:g}")
 
     def _in_words(self, front: FrontData) -> str:
         def to(values: Mapping[str, float]) -> list[str]:

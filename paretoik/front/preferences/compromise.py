@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -60,9 +61,17 @@ class Knee:
                 else "is the knee: it is the best in every objective, within rounding"
             )
             return explain(front, row, f"{subject(front, row)} {words}.", preference=self)
-        return self._below_line(front) if len(front.names) == 2 else self._least_trade_off(front)
-
-    def _below_line(self, front: FrontData) -> Choice:
+        if len(front.names) > 2:
+            ratios = np.array([_trade_offs(front, row).min() for row in range(len(front))])
+            row = first_row(front, -ratios)
+            other = int(front.ids[first_row(front, _trade_offs(front, row))])
+            verdict = (
+                f"{subject(front, row)} is the knee, with the largest least trade-off: going from it to any other "
+                f"costs at least {ratios[row]:.3g} times what it gains, in shares of the ranges; going to point "
+                f"{other} costs that little."
+            )
+            details: dict[str, Any] = {"least_trade_off": float(ratios[row]), "nearest_exchange": other}
+            return explain(front, row, verdict, preference=self, score=-float(ratios[row]), details=details)
         # Depths below the line between the ends, 1 at the corner that is best in both objectives.
         shares = front.shares
         ends = [first_row(front, shares[:, axis]) for axis in range(2)]
@@ -80,22 +89,8 @@ class Knee:
             f"{front.ids[ends[0]]} and {front.ids[ends[1]]}: {percent(depths[row])} of the way from the line to the "
             "best of both."
         )
-        depth = float(depths[row])
-        details = {"depth": depth, "ends": tuple(int(front.ids[end]) for end in ends)}
-        return explain(front, row, verdict, preference=self, score=-depth, details=details)
-
-    def _least_trade_off(self, front: FrontData) -> Choice:
-        ratios = np.array([_trade_offs(front, row).min() for row in range(len(front))])
-        row = first_row(front, -ratios)
-        other = int(front.ids[first_row(front, _trade_offs(front, row))])
-        verdict = (
-            f"{subject(front, row)} is the knee, with the largest least trade-off: going from it to any other costs at "
-            f"least {ratios[row]:.3g} times what it gains, in shares of the ranges; going to point {other} costs that "
-            "little."
-        )
-        ratio = float(ratios[row])
-        details = {"least_trade_off": ratio, "nearest_exchange": other}
-        return explain(front, row, verdict, preference=self, score=-ratio, details=details)
+        details = {"depth": float(depths[row]), "ends": tuple(int(front.ids[end]) for end in ends)}
+        return explain(front, row, verdict, preference=self, score=-float(depths[row]), details=details)
 
 
 def _trade_offs(front: FrontData, row: int) -> Values:

@@ -78,8 +78,24 @@ class Bounds:
         check_front(front)
         limits = bounds_by_axis(front, self.bounds)
         within = inside(front, limits)
-        if not within.any():
-            raise _out_of_bounds(front, limits)
+        if not within.any():  # the nearest point misses a bound by the least of the largest shares of a range
+            low, high = limits.T
+            missed = np.maximum(np.maximum(low - front.objectives, front.objectives - high), 0.0)
+            width = np.ptp(front.ranges, axis=1)
+            shares = missed / np.where(width > 0, width, np.maximum(np.abs(front.ranges).max(axis=1), 1e-300))
+            row = first_row(front, shares.max(axis=1))
+            worst, parts = int(shares[row].argmax()), list[str]()
+            for axis in np.flatnonzero(missed[row]).tolist():
+                name, whole = front.names[axis], "the range" if width[axis] > 0 else "the value that all have"
+                text = f"{name} {front.objectives[row, axis]:.4g} misses it by {missed[row, axis]:.3g}"
+                parts.append(f"{with_unit(front, name, text)} ({percent(shares[row, axis])} of {whole})")
+            raise Infeasible(
+                f"bounds: a point must have {_in_words(front, limits)}, got none of {len(front)} points; nearest is "
+                f"point {front.ids[row]}: {list_words(parts)}",
+                motion=None if front.motions is None else front.motions[row],
+                limit=front.names[worst],
+                violation=float(shares[row, worst]),
+            )
         part = take(front, np.flatnonzero(within))
         choice = ask(self.then, part)
         count = f"all {len(front)}" if len(part) == len(front) else f"{len(part)} of {len(front)}"
@@ -88,31 +104,6 @@ class Bounds:
         details = {**choice.details, "within": tuple(part.ids.tolist())}
         row = row_of(front, choice.id)
         return explain(front, row, verdict, preference=self, score=choice.score, details=details)
-
-
-def _out_of_bounds(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> Infeasible:
-    """Return the error with the point that is nearest to the bounds.
-
-    The distance is the largest share of a range by which a point misses a bound.
-    """
-    low, high = limits.T
-    missed = np.maximum(np.maximum(low - front.objectives, front.objectives - high), 0.0)
-    width = np.ptp(front.ranges, axis=1)
-    shares = missed / np.where(width > 0, width, np.maximum(np.abs(front.ranges).max(axis=1), 1e-300))
-    row = first_row(front, shares.max(axis=1))
-    worst = int(shares[row].argmax())
-    parts = []
-    for axis in np.flatnonzero(missed[row]).tolist():
-        name, whole = front.names[axis], "the range" if width[axis] > 0 else "the value that all have"
-        text = f"{name} {front.objectives[row, axis]:.4g} misses it by {missed[row, axis]:.3g}"
-        parts.append(f"{with_unit(front, name, text)} ({percent(shares[row, axis])} of {whole})")
-    return Infeasible(
-        f"bounds: a point must have {_in_words(front, limits)}, got none of {len(front)} points; nearest is point "
-        f"{front.ids[row]}: {list_words(parts)}",
-        motion=None if front.motions is None else front.motions[row],
-        limit=front.names[worst],
-        violation=float(shares[row, worst]),
-    )
 
 
 def _in_words(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> str:

@@ -11,7 +11,7 @@ from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
 from paretoik.front.choice import (
     Choice,
-    compare_neighbours,
+    compare_better,
     explain,
     first_row,
     list_words,
@@ -141,7 +141,7 @@ class Weights:
         if unnamed := [name for name, weight in zip(front.names, weights, strict=True) if not weight]:
             verdict += f" Without a weight, {list_words(unnamed)} decided only between equal sums."
         if unreached := front.ids[~front.supported].tolist():
-            near = [str(each.id) for each in compare_neighbours(front, row) if each.id in unreached]
+            near = [str(each.id) for each in compare_better(front, row, nearest=True) if each.id in unreached]
             verdict += (
                 f" No weights at all reach {len(unreached)} of the points, which lie above straight lines between "
             )

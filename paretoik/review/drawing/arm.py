@@ -13,7 +13,7 @@ import rerun.blueprint as rrb
 from jaxtyping import Float
 
 from paretoik.arrays import Vector3
-from paretoik.review.drawing.axes import labels
+from paretoik.review.drawing.axes import flat_lines, labels
 from paretoik.review.drawing.label_places import label_area, label_place
 from paretoik.review.drawing.space import ArmMeshes, Stage, find_meshes
 from paretoik.review.outlines import Polyline, outline
@@ -109,15 +109,14 @@ class ArmDrawing:
         if borders:
             gap = 9.0 * float(stage.canvas.high[0] - stage.canvas.low[0]) / stage.canvas.width
             lines = [in_space(line) for each in borders for line in hatch(each, gap=gap)]
-            recording.log(
-                f"{entity}/obstacles/hatch", stage.strips(lines, SCREEN.obstacle_body, 0.7, -2.0), static=True
-            )
+            hatches = stage.strips(lines, SCREEN.obstacle_body, 0.7, -2.0)
+            recording.log(f"{entity}/obstacles/hatch", hatches, static=True)
             outlines = stage.strips([in_space(each) for each in borders], SCREEN.obstacle, 1.3, -2.0)
             recording.log(f"{entity}/obstacles/outlines", outlines, static=True)
         elif not self.planar:
             for number, body in enumerate(bodies(cell.obstacles, stage.ground.low, stage.ground.high), start=1):
                 recording.log(f"{entity}/obstacles/{number}", body, static=True)
-        recording.log(f"{entity}/base", self._base(), static=True)
+        recording.log(f"{entity}/base", self.base_mark(), static=True)
         if cell.paths and self.planar:  # wide, below other lines
             recording.log(f"{entity}/target", stage.strips(cell.paths, SCREEN.target, 4.0, 0.0), static=True)
         elif cell.paths:  # beads: in space two lines in one place would flicker, whatever their widths
@@ -181,9 +180,8 @@ class ArmDrawing:
         recording.log(f"{entity}/links", stage.line_kind.from_fields(**style, **stage.order(order)), static=True)
         sizes = rr.Radius.ui_points([1.5 * width] * (nodes - 1) + [1.875 * width])
         style = {"colors": [colour] * (nodes - 1) + [SCREEN.tool if solid else colour], "radii": sizes}
-        recording.log(
-            f"{entity}/joints", stage.point_kind.from_fields(**style, **stage.order(order + 0.05)), static=True
-        )
+        points = stage.point_kind.from_fields(**style, **stage.order(order + 0.05))
+        recording.log(f"{entity}/joints", points, static=True)
         if solid and cell.link_radius and self.planar:
             radius = stage.canvas.width / float(stage.canvas.high[0] - stage.canvas.low[0]) * cell.link_radius
             style = {"colors": SCREEN.body, "radii": radius}
@@ -214,7 +212,7 @@ class ArmDrawing:
         root = self.entity.replace("/", "_") + "_meshes"
         return None if self.planar else find_meshes(self.workcell.arm, root)
 
-    def _base(self) -> Any:
+    def base_mark(self) -> Any:
         """Return the mark of the arm's base: the ground sign of mechanics in the plane, a foot in space."""
         base = self.workcell.arm.base
         if not self.planar:
@@ -236,7 +234,7 @@ class ArmDrawing:
         foot = [[(0, 0), (-9, 14), (9, 14), (0, 0)], [(-15, 14), (15, 14)]]
         ground = [[(d, 14), (d - 5, 20)] for d in (-8, 0, 8, 15)]
         strips = [self.stage.place(base.position) + np.array(strip) @ turn for strip in [*foot, *ground]]
-        return rr.LineStrips2D(strips, colors=SCREEN.base, radii=rr.Radius.ui_points(1.1), draw_order=0.5)
+        return flat_lines(strips, SCREEN.base, 1.1, 0.5)
 
     def _names(self, names: Sequence[str], places: Float[np.ndarray, "names 3"]) -> Any:
         """Return the names of places [m]; in the plane they avoid arms, arrows and all earlier names."""
@@ -294,16 +292,13 @@ def target_mark(drawing: ArmDrawing, place: Float[np.ndarray, " 3"]) -> Any:
     if drawing.planar:
         turn = np.linspace(0.0, 2 * np.pi, 49)
         ring = drawing.stage.place(place) + MARKS.target_ring * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-        return rr.LineStrips2D([ring], colors=SCREEN.path, radii=rr.Radius.ui_points(1.2), draw_order=9.0)
+        return flat_lines([ring], SCREEN.path, 1.2, 9.0)
     reach = SCENES.cross * np.ptp(drawing.nodes, axis=0).max() * np.eye(3)
     return drawing.stage.strips([np.stack([place - each, place + each]) for each in reach], SCREEN.path, 1.2, 9.0)
 
 
 def is_seen_beside(drawing: ArmDrawing, distance: float) -> bool:
-    """Return whether a thin arm at a ``distance`` [m] from a solid one is visible.
-
-    In space an average depth is assumed.
-    """
+    """Return whether a thin arm at a ``distance`` [m] from a solid one is visible."""
     if drawing.planar:
         origin, unit = drawing.stage.place(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
         return bool(distance * np.linalg.norm(unit - origin) > MARKS.solid_arm)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -144,8 +145,7 @@ class Canvas:
         corners = [low, (high[0], low[1]), high, (low[0], high[1]), low]
         strips = [self.place(np.array(strip)) for strip in (*upright, *level, corners)]
         colours = [SCREEN.grid] * (len(strips) - 1) + [SCREEN.frame]
-        grid = rr.LineStrips2D(strips, colors=colours, radii=rr.Radius.ui_points(0.5), draw_order=-10.0)
-        recording.log(f"{entity}/grid", grid, static=True)
+        recording.log(f"{entity}/grid", flat_lines(strips, colours, 0.5, -10.0), static=True)
 
         words, places = list[str](), list[np.ndarray]()
         if self.ticked[0]:
@@ -170,14 +170,23 @@ def labels(
     words: Sequence[str], middles: Float[np.ndarray, "labels 2"], colours: Colour | Sequence[Colour] = SCREEN.text
 ) -> rr.Points2D:
     """Return words that are drawn around ``middles``."""
-    return rr.Points2D(
-        middles - (0.0, TEXT.drop),
-        labels=[screen_text(each) for each in words],
-        show_labels=True,
-        colors=colours,
-        radii=rr.Radius.ui_points(0.0),
-        draw_order=-5.0,
-    )
+    drawn = [screen_text(each) for each in words]
+    return flat_dots(middles - (0.0, TEXT.drop), colours, 0.0, -5.0, labels=drawn, show_labels=True)
+
+
+def flat_lines(strips: Sequence[np.ndarray], colour: Any, radius: float, order: float, **more: Any) -> rr.LineStrips2D:
+    """Return lines of a ``radius`` [pixels], above everything of a lower ``order``."""
+    return rr.LineStrips2D(strips, colors=colour, radii=rr.Radius.ui_points(radius), draw_order=order, **more)
+
+
+def flat_dots(places: np.ndarray, colour: Any, radius: Any, order: float, **more: Any) -> rr.Points2D:
+    """Return dots of a ``radius`` [pixels], or of one each, above everything of a lower ``order``."""
+    return rr.Points2D(places, colors=colour, radii=rr.Radius.ui_points(radius), draw_order=order, **more)
+
+
+def flat_view(entity: str, name: str, bounds: rrb.VisualBounds2D) -> rrb.View:
+    """Return a view of a plane."""
+    return rrb.Spatial2DView(origin=entity, name=name, visual_bounds=bounds, background=SCREEN.background)
 
 
 def text_width(words: str) -> float:

@@ -1,7 +1,4 @@
-"""Curves over a search or a motion, drawn by hand: a series view is empty while another timeline plays.
-
-The curves are visible on every timeline; a cursor moves along them on their own timeline.
-"""
+"""Curves over a search or a motion, drawn by hand: a series view is empty while another timeline plays."""
 
 from __future__ import annotations
 
@@ -16,7 +13,18 @@ import rerun.blueprint as rrb
 from jaxtyping import Float
 
 from paretoik.arrays import Series, Times, Values
-from paretoik.review.drawing.axes import TEXT, Canvas, labels, screen_text, text_width, tick_text, window
+from paretoik.review.drawing.axes import (
+    TEXT,
+    Canvas,
+    flat_dots,
+    flat_lines,
+    flat_view,
+    labels,
+    screen_text,
+    text_width,
+    tick_text,
+    window,
+)
 from paretoik.review.drawing.layout import nested_tabs
 from paretoik.review.palette import DRAWING, MARKS, SCREEN, VIEWS, Colour
 
@@ -62,10 +70,7 @@ class Chart:
     def over(
         across: str, name: str, label: str, instants: Times, curves: Series, colours: Sequence[Colour], **more: Any
     ) -> Chart:
-        """Return the chart ``name`` of curves with one ``label``.
-
-        ``across`` is the label of the horizontal axis, ``more`` are further fields of the chart.
-        """
+        """Return the chart ``name`` of curves with one ``label``."""
         settings: dict[str, Any] = {"title": label, "names": [label] * len(colours), **more}
         return Chart(
             entity=f"charts/{name}",
@@ -78,9 +83,7 @@ class Chart:
 
     def view(self) -> rrb.View:
         """Return the chart's view."""
-        bounds = self.canvas.bounds(right=self._right)
-        name = screen_text(self.title)
-        return rrb.Spatial2DView(origin=self.entity, name=name, visual_bounds=bounds, background=SCREEN.background)
+        return flat_view(self.entity, screen_text(self.title), self.canvas.bounds(right=self._right))
 
     def log(self, recording: rr.RecordingStream) -> None:
         """Draw axes, limits and the curves, for all times."""
@@ -102,8 +105,7 @@ class Chart:
             colours += [limit.colours[number % len(limit.colours)] for number in range(len(strips))]
             dashes += strips
         if dashes:
-            lines = rr.LineStrips2D(dashes, colors=colours, radii=rr.Radius.ui_points(0.9), draw_order=0.5)
-            recording.log(f"{self.entity}/limits", lines, static=True)
+            recording.log(f"{self.entity}/limits", flat_lines(dashes, colours, 0.9, 0.5), static=True)
         if far:
             words = ", ".join(f"{name} {' and '.join(values)}".strip() for name, values in far.items())
             words = f"limits beyond: {words}"
@@ -120,17 +122,12 @@ class Chart:
         points = [np.stack([instants, curve], axis=-1) for curve in curves]
         finite = [each[np.isfinite(each).all(axis=-1)] for each in points]
         strips = [self.canvas.place(np.clip(each, low, high)) for each in finite]
-        lines = []
-        if not self.dots:
-            radii = rr.Radius.ui_points(MARKS.line / 2)
-            lines = [rr.LineStrips2D(strips, colors=list(self.colours), radii=radii, draw_order=1.0)]
+        lines = [] if self.dots else [flat_lines(strips, list(self.colours), MARKS.line / 2, 1.0)]
         dotted = [strip if self.dots or len(strip) == 1 else strip[:0] for strip in strips]  # no line shows these
-        dots = rr.Points2D(
-            np.concatenate(dotted),
-            colors=[colour for colour, strip in zip(self.colours, dotted, strict=True) for _ in strip],
-            radii=rr.Radius.ui_points(2.2 if max(map(len, dotted)) > MARKS.many_dots else 3.2),
-            draw_order=1.0 if self.dots else 3.0,  # a single dot is visible on the cursor
-        )
+        colours = [colour for colour, strip in zip(self.colours, dotted, strict=True) for _ in strip]
+        radius = 2.2 if max(map(len, dotted)) > MARKS.many_dots else 3.2
+        order = 1.0 if self.dots else 3.0  # a single dot is visible on the cursor
+        dots = flat_dots(np.concatenate(dotted), colours, radius, order)
         recording.log(f"{self.entity}/curves", *lines, dots, static=static)
         if len(curves) > 1:
             ends = [strip[-1, 1] if len(strip) else 0.5 * self.canvas.height for strip in strips]

@@ -1,7 +1,4 @@
-"""A chosen motion, or two to compare, as a layer over the recording of a run.
-
-The layer has its own layout, in which the recording's views are a second tab.
-"""
+"""A chosen motion, or two to compare, as a layer over the recording of a run."""
 
 from __future__ import annotations
 
@@ -24,9 +21,17 @@ from paretoik.formulations.protocol import Timeline, is_loop
 from paretoik.front.choice import Choice, Prediction
 from paretoik.front.choice_tree import chosen
 from paretoik.front.front import Front
-from paretoik.review.drawing.layout import Entry, Legend, RecordedLayout, choice_blueprint, log_text, stream_in_memory
+from paretoik.review.drawing.layout import (
+    Entry,
+    Legend,
+    RecordedLayout,
+    choice_blueprint,
+    log_text,
+    set_times,
+    stream_in_memory,
+)
 from paretoik.review.drawing.motion import NO_TIMES, MotionScene, is_moving, motion_views
-from paretoik.review.drawing.point_text import choice_text
+from paretoik.review.drawing.point_text import point_text
 from paretoik.review.drawing.scatter import LAYERS, Scatter
 from paretoik.review.palette import SCREEN, VIEWS
 from paretoik.review.recording.messages import RecordedPoint, chosen_point, record_motion, workcell_of_front
@@ -88,17 +93,14 @@ class RecordedRun:
         return RecordedTab(root, self._reader.stream(store=self._layout).filter(content=VIEWS_OF_LAYOUTS))
 
     @cached_property
-    def begins(self) -> dict[str, dict[str, Any]]:
-        """The first instant of each timeline, as arguments of ``set_time``."""
+    def begins(self) -> dict[str, Any]:
+        """The first instant of each timeline, a count or a time difference."""
         begins: dict[str, Any] = {}
         for chunk in self.data():
             for name in set(chunk.timeline_names) - set(OF_RERUN) if not chunk.is_empty else ():
                 begin = chunk.to_record_batch().column(name).to_numpy(zero_copy_only=False).min()
                 begins[name] = min(begin, begins.get(name, begin))
-        return {
-            name: {"duration" if isinstance(begin, np.timedelta64) else "sequence": begin}
-            for name, begin in begins.items()
-        }
+        return begins
 
     @property
     def timeline(self) -> Timeline:
@@ -146,22 +148,18 @@ class ChoiceLayer:
         self._scatter.log_points(stream, "front", objectives, ids=ids, names=names, static=True)
 
     def log_choices(self, stream: rr.RecordingStream, times: Times = NO_TIMES) -> None:
-        """Draw the choices, for all times, and their arms along their motions, also at ``times``.
-
-        A later call with other choices replaces the drawing of an earlier call.
-        """
+        """Draw the choices, for all times, and their arms along their motions, also at ``times``."""
         scatter, front = self._scatter, self.front
         for root, choice, point, motions in zip(ROOTS, self.choices, self._points, self._motions, strict=False):
             F, name = choice.objectives[None], f"point {choice.id}"
             scatter.log_points(stream, root, F, ids=np.array([choice.id]), names=[name], static=True)
-            scatter.log_label(stream, root, F, name, avoided=front.objectives, static=True)
-            words = choice_text(front, choice, title="chosen" if root == ROOTS[0] else "compared")
+            scatter.log_label(stream, root, F, name, avoid=scatter.area(front.objectives), static=True)
+            title = "chosen" if root == ROOTS[0] else "compared"
+            words = point_text(front, choice.index, chosen=choice, title=title, whole=True)
             log_text(stream, words, f"{root}/text", static=True)
             if motions is not None:  # the arm stands still on the recording's timelines
                 motions.log(stream)
-                begins = {} if self.recorded is None else self.recorded.begins
-                for timeline, first in ({self._timeline: {"duration": 0.0}} | begins).items():
-                    stream.set_time(timeline, **first)
+                set_times(stream, **({self._timeline: 0.0} | ({} if self.recorded is None else self.recorded.begins)))
                 motions.log_whole(stream, [point])
                 stream.reset_time()
                 motions.send_motion(stream, point, times)
@@ -181,16 +179,10 @@ class ChoiceLayer:
             rrb.TextDocumentView(origin=f"{root}/text", name=name)
             for root, name in zip(ROOTS, self._names, strict=False)
         ]
-        return choice_blueprint(
-            self._legend,
-            self._scatter.view(),
-            arms,
-            texts,
-            name=" and ".join(self._names),
-            recorded=None if self.recorded is None else self.recorded.tab(),
-            narrow=self.width < VIEWS.width,
-            timeline=self._timeline,
-        )
+        tab = None if self.recorded is None else self.recorded.tab()
+        settings: Any = {"name": " and ".join(self._names), "recorded": tab, "timeline": self._timeline}
+        narrow = self.width < VIEWS.width
+        return choice_blueprint(self._legend, self._scatter.view(), arms, texts, narrow=narrow, **settings)
 
     @property
     def _timeline(self) -> str:
@@ -199,8 +191,8 @@ class ChoiceLayer:
 
     @cached_property
     def _scatter(self) -> Scatter:
-        names, units, maximised = self.front.names, self.front.units, self.front.maximised
-        scene = SearchedFront(names=tuple(names), units=tuple(units), maximised=tuple(maximised))
+        names, units, maximised = (tuple(getattr(self.front, name)) for name in ("names", "units", "maximised"))
+        scene = SearchedFront(names=names, units=units, maximised=maximised)
         return Scatter(scene=scene, shown=self.front.objectives, root=(ROOTS[0],))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""The Rerun viewer in a notebook, on a front: Python knows the selected points and shows their motions."""
+"""A front in a notebook: the Rerun viewer, and sliders of the objectives."""
 
 from __future__ import annotations
 
@@ -7,18 +7,20 @@ import os
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import replace
-from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, Literal
+from pathlib import Path
+from typing import Any, Literal
 
+import anywidget
 import numpy as np
 import rerun as rr
+import traitlets
 
 from paretoik.arrays import Ids
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.front.choice import Prediction
 from paretoik.front.choice_tree import pick_point
 from paretoik.front.front import Choice, Front
-from paretoik.front.points import NAVIGATIONS, check_has_points
+from paretoik.front.points import NAVIGATIONS
 from paretoik.front.preferences.compromise import compromise
 from paretoik.inputs import shown
 from paretoik.review.drawing.choice_layer import ROOTS, ChoiceLayer
@@ -26,12 +28,66 @@ from paretoik.review.drawing.motion import motion_frames
 from paretoik.review.palette import DRAWING, VIEWS, even_rows
 from paretoik.review.recording.messages import front_point
 
-if TYPE_CHECKING:  # it needs an extra
-    from paretoik.review.drawing.preference_sliders import Kind, SliderWish
-
-PACKAGES = "rerun_notebook", "anywidget"
 ASSET = "RERUN_NOTEBOOK_ASSET"  # source of the viewer for the browser; by default the Rerun company's server
-ROOT = ROOTS[0]
+Kind = Literal["idle", "predicted", "certified", "jump", "known", "refused"]
+
+
+class PreferenceSliders(anywidget.AnyWidget):
+    """One slider per objective of a front, from its worst to its best value, at the values of a choice.
+
+    ``follow`` is called with the objective to ``improve``, the value ``to`` reach, those on ``hold``, and whether to
+    ``release`` the slider; ``cancel`` is called when a slider is back at its start.
+    """
+
+    _esm = Path(__file__).with_name("preference_sliders.js")
+    _css = Path(__file__).with_name("preference_sliders.css")
+    state = traitlets.Dict().tag(sync=True)
+
+    def __init__(
+        self, front: Front, choice: Choice, *, follow: Callable[..., None], cancel: Callable[[], None]
+    ) -> None:
+        self._answered = 0
+        super().__init__(state=self._state(front, choice, "idle", "", None))
+
+        def receive(_: Any, message: dict[str, Any], __: Any) -> None:
+            """Handle a message of the browser, and confirm it."""
+            names, self._answered = self._front.names, int(message["number"])
+            improve, hold = names[message["axis"]], tuple(names[axis] for axis in message["hold"])
+            try:
+                if message["kind"] == "cancel":
+                    cancel()
+                else:
+                    follow(improve=improve, to=float(message["to"]), hold=hold, release=message["kind"] == "release")
+            except BaseException as error:  # a browser without an answer would keep waiting
+                self.show(self._front, self._choice, "refused", str(error) or type(error).__name__)
+                raise
+
+        self.on_msg(receive)
+
+    def show(self, front: Front, choice: Choice, kind: Kind, words: str, prediction: Prediction | None = None) -> None:
+        """Show a choice of a front and a message; values of a prediction are shown as such."""
+        self.state = self._state(front, choice, kind, words, prediction)
+
+    def _state(
+        self, front: Front, choice: Choice, kind: Kind, words: str, prediction: Prediction | None
+    ) -> dict[str, Any]:
+        self._front, self._choice = front, choice
+        low, high = front.objectives.min(axis=0), front.objectives.max(axis=0)
+        objectives = [
+            {
+                "name": name,
+                "unit": front.units[k],
+                "worst": float((low if front.maximised[k] else high)[k]),
+                "best": float((high if front.maximised[k] else low)[k]),
+                "value": float(choice.objectives[k]),
+                "predicted": None if prediction is None else float(prediction.objectives[k]),
+            }
+            for k, name in enumerate(front.names)
+        ]
+        movable = len(front.names) > 1 and front.certificates is not None and hasattr(front.problem, "navigate")
+        words = words if movable else "These sliders need a certified front with its problem, such as refine(front)."
+        state = {"objectives": objectives, "kind": kind, "words": words, "movable": movable}
+        return state | {"answered": self._answered}
 
 
 class FrontView:
@@ -44,14 +100,8 @@ class FrontView:
         self._callbacks = list[Callable[[Ids], object]]()
         self._times = np.zeros(0)  # times of all motions shown so far
         around = tuple(front_point(front, row) for row in even_rows(len(front), DRAWING.walk).tolist())
-        self._layer = ChoiceLayer(
-            front=front,
-            choices=(self._choice,),
-            names=("selected point",),
-            around=around,
-            width=VIEWS.cell,
-            predicts=True,
-        )
+        settings: Any = {"names": ("selected point",), "width": VIEWS.cell, "predicts": True}
+        self._layer = ChoiceLayer(front=front, choices=(self._choice,), around=around, **settings)
         self._stream = rr.RecordingStream("paretoik-front", send_properties=False)
         self.viewer = viewer(self._stream)
         self._layer.log_front(self._stream)
@@ -59,8 +109,6 @@ class FrontView:
         self._stream.send_blueprint(self._layer.blueprint(), make_active=True, make_default=True)
         self._stream.flush()
         self.viewer.on_event(self._receive)
-        from paretoik.review.drawing.preference_sliders import PreferenceSliders  # here: anywidget is an extra
-
         self.sliders = PreferenceSliders(front, self._choice, follow=self._follow, cancel=self._cancel)
         self._cancel()
 
@@ -98,17 +146,14 @@ class FrontView:
     def _cancel(self) -> None:
         self._draw(None, "idle", f"point {self._choice.id}: drag a slider to what should get better")
 
-    def _follow(self, wish: SliderWish, *, release: bool) -> None:
-        """Draw the expected result of the desired move; on ``release`` move to the certified point and select it.
-
-        If that fails, say why.
-        """
+    def _follow(self, *, improve: str, to: float, hold: tuple[str, ...], release: bool) -> None:
+        """Draw the expected result of the desired move; on ``release`` move to the certified point and select it."""
         try:
             if not release:
-                prediction = self._front.predict(self._choice, improve=wish.improve, to=wish.to, hold=wish.hold)
+                prediction = self._front.predict(self._choice, improve=improve, to=to, hold=hold)
                 self._draw(prediction, "predicted", "predicted, not certified: release to move there")
                 return
-            moved = self._front.navigate(self._choice, improve=wish.improve, to=wish.to, hold=wish.hold)
+            moved = self._front.navigate(self._choice, improve=improve, to=to, hold=hold)
         except ParetoikError as error:
             self._draw(None, "refused", str(error))
             return
@@ -147,12 +192,12 @@ class FrontView:
         """Handle an event of the viewer: take the ids of selected points, and show the first one."""
         if event.type != "selection_change":
             return
-        ids, all_ids = list[int](), self._front.ids.tolist()
+        ids, all_ids, root = list[int](), self._front.ids.tolist(), ROOTS[0]
         for item in (item for item in event.items if item.type == "entity"):
             first, *_, last = parts = item.entity_path.strip("/").split("/")
-            if not first.startswith(ROOT) or "predicted" in parts:  # a prediction is not a point
+            if not first.startswith(root) or "predicted" in parts:  # a prediction is not a point
                 continue
-            is_choice = first != ROOT or last == ROOT or parts[-2:] == [ROOT, "name"]
+            is_choice = first != root or last == root or parts[-2:] == [root, "name"]
             if last == "front":
                 number = item.instance_id
                 ids += all_ids if number is None else all_ids[number : number + 1]
@@ -177,12 +222,6 @@ def open_view(
     height: int | Literal["auto"],
 ) -> FrontView:
     """Return the view that ``front.view`` documents."""
-    for package in PACKAGES:
-        if find_spec(package) is None:
-            raise InvalidInput(
-                f'view: the package {package.replace("_", "-")} must be installed: pip install "paretoik[notebook]"'
-            )
-    check_has_points(front, "view")
     os.environ.setdefault(ASSET, "serve-local")  # before the package is loaded
     with redirect_stdout(io.StringIO()):  # the server prints that it serves
         from rerun.notebook import Viewer

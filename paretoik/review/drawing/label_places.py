@@ -10,15 +10,8 @@ import numpy as np
 import rerun as rr
 from jaxtyping import Float
 
-from paretoik.review.drawing.axes import TEXT, Canvas, labels
-from paretoik.review.outlines import (
-    NO_LINES,
-    Lines,
-    Point,
-    freest_place,
-    places_beside,
-    places_between,
-)
+from paretoik.review.drawing.axes import TEXT, Canvas, flat_lines, labels
+from paretoik.review.outlines import NO_LINES, Lines, Point, freest_place, places_beside, places_between
 from paretoik.review.palette import MARKS, Colour
 
 # The sizes of labels as the viewer draws them: words on a plate, in letters of different widths.
@@ -122,18 +115,14 @@ def label_lines(mark: Point, middle: Point, words: str) -> Lines:
 def joined_labels(
     marks: Points | Sequence[Point], middles: Sequence[Point], words: Sequence[str], colour: Colour
 ) -> DrawnLabels:
-    """Return the labels of ``marks`` around their ``middles``, with lines to distant labels.
-
-    Without marks the result removes earlier labels.
-    """
+    """Return the labels of ``marks`` around their ``middles``, with lines to distant labels."""
     joins, places = list[Points](), [np.zeros((0, 2))]
     for mark, middle, each in zip(marks, middles, words, strict=True):
         half, within = half_size(each), plate_half(each) - MARKS.overlap
         if np.linalg.norm(np.clip(mark, middle - half, middle + half) - mark) > MARKS.leader:
             joins.append(np.stack([mark, np.clip(mark, middle - within, middle + within)]))
         places.append((middle - (0.0, below_first(each)))[None])
-    lines = rr.LineStrips2D(joins, colors=colour, radii=rr.Radius.ui_points(0.6), draw_order=3.8)
-    return labels(words, np.concatenate(places), colour), lines
+    return labels(words, np.concatenate(places), colour), flat_lines(joins, colour, 0.6, 3.8)
 
 
 def line_points(ends: Float[np.ndarray, "lines 2 2"]) -> Points:

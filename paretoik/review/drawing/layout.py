@@ -85,9 +85,8 @@ class Legend:
     def above(self, views: rrb.Container, name: str) -> rrb.Container:
         """Return views with the legend above them."""
         bounds = rrb.VisualBounds2D(x_range=[0.0, self.width], y_range=[0.0, self.height])
-        strip = rrb.Spatial2DView(
-            origin=self.entity, name="legend", titlebar=False, visual_bounds=bounds, background=SCREEN.background
-        )
+        settings: Any = {"titlebar": False, "background": SCREEN.background}
+        strip = rrb.Spatial2DView(origin=self.entity, name="legend", visual_bounds=bounds, **settings)
         return rrb.Vertical(strip, views, row_shares=[self.height, VIEWS.body - self.height], name=name)
 
     @property
@@ -112,6 +111,11 @@ class Legend:
             places.append((row, x))
             x += width
         return places
+
+
+def drawn_entries(*entries: tuple[str, Colour, object]) -> list[Entry]:
+    """Return the words and colours of a legend's entries whose last part is true."""
+    return [(words, colour) for words, colour, is_drawn in entries if is_drawn]
 
 
 TEXT_ENTITY = "text"  # entity of the text about the point shown
@@ -201,16 +205,21 @@ def _blueprint(tabs: Sequence[rrb.Container], panel: rrb.TimePanel) -> rrb.Bluep
     return rrb.Blueprint(body, *hidden, panel, auto_views=False)
 
 
+def set_times(stream: rr.RecordingStream, **times: float | np.generic) -> None:
+    """Set the current time on some timelines, and on no others; floats are seconds, integers count."""
+    stream.reset_time()
+    for name, time in times.items():
+        instant: dict[str, Any] = {"duration" if isinstance(time, float | np.timedelta64) else "sequence": time}
+        stream.set_time(name, **instant)
+
+
 def text_view(name: str) -> rrb.View:
     """Return the view of the text about the point shown."""
     return rrb.TextDocumentView(origin=TEXT_ENTITY, name=name)
 
 
 def log_text(stream: rr.RecordingStream, words: str, entity: str = TEXT_ENTITY, *, static: bool = False) -> None:
-    """Show a text in Markdown, at the current time or for all times.
-
-    By default it is the text about the point shown.
-    """
+    """Show a text in Markdown, at the current time or for all times."""
     stream.log(entity, rr.TextDocument(words, media_type="text/markdown"), static=static)
 
 

@@ -14,19 +14,11 @@ from jaxtyping import Float, Int
 from paretoik.review.drawing.arm import ArmDrawing, is_seen_beside, target_mark
 from paretoik.review.drawing.axes import screen_text
 from paretoik.review.drawing.charts import Chart
-from paretoik.review.drawing.layout import Layout, Legend, log_text, text_view
+from paretoik.review.drawing.layout import Layout, Legend, drawn_entries, log_text, set_times, text_view
 from paretoik.review.drawing.motion import MotionScene, motion_views
-from paretoik.review.drawing.point_text import (
-    NO_RANGE,
-    beginning_text,
-    loop_guide,
-    outside_text,
-    range_text,
-    search_hint,
-    text_of,
-)
+from paretoik.review.drawing.point_text import NO_RANGE, loop_guide, outside_text, range_text, step_text
 from paretoik.review.drawing.scatter import Scatter, normalised
-from paretoik.review.drawing.search_charts import log_generation, search_charts, search_entries
+from paretoik.review.drawing.search_drawing import log_generation, search_charts, search_entries
 from paretoik.review.palette import SCREEN, VIEWS
 from paretoik.review.recording.messages import RecordedPoint, Workcell, chosen_point
 from paretoik.review.recording.recorder import Generation, SearchedFront, SearchedStep, SearchEnd
@@ -39,18 +31,6 @@ from paretoik.robot.kinematics import link_nodes
 # the end of the step on.
 
 
-POPULATION, ARMS, PATH = "population", "arms of the front", "path to follow"
-ENTRIES = (
-    (POPULATION, SCREEN.population),
-    ("front of the generation", SCREEN.front),
-    ("chosen by the weights, or the individual looked at", SCREEN.chosen),
-    ("its arm", SCREEN.arm),
-    (ARMS, SCREEN.ghost),
-    (PATH, SCREEN.target),
-    ("where the tool is to be", SCREEN.path),
-)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepScene:
     """The search of one step of a closed ``loop``."""
@@ -60,7 +40,7 @@ class StepScene:
 
     def view(self) -> rrb.Container:
         """Return the views: the fronts, with the arm next to them, below a legend."""
-        arm = self._drawing.view(f"{ARMS if self._shows_arms else 'arm'}, step {self.step.sample}")
+        arm = self._drawing.view(f"{'arms of the front' if self._shows_arms else 'arm'}, step {self.step.sample}")
         text = rrb.TextDocumentView(origin=f"{self._root}/text", name="generation, individual")
         shown = [view for view in (self._scatter.view(), arm, text) if view is not None]
         views = rrb.Horizontal(*shown, column_shares=VIEWS.columns[-len(shown) :])
@@ -76,33 +56,27 @@ class StepScene:
         self._drawing.log_workcell(recording)
         last = len(self.step.objectives) - 1
         for number in range(last + 1):
-            recording.reset_time()
-            recording.set_time("generation", sequence=number)
+            set_times(recording, generation=number)
             self._log_generation(recording, number)
         for place in (0, self.step.sample):  # from the loop's beginning on, so that the tab is never empty
-            recording.reset_time()
-            recording.set_time("step", sequence=place)
-            for timeline, seconds in end.items():
-                recording.set_time(timeline, duration=seconds if place else 0.0)
+            set_times(recording, step=place, **{name: seconds if place else 0.0 for name, seconds in end.items()})
             self._log_generation(recording, last)
         alive = np.flatnonzero(np.isfinite(self.step.objectives[last]).all(axis=1))
-        order = alive[np.argsort(self.step.objectives[last, alive, 0], kind="stable")]
+        order = alive[np.argsort(self.step.objectives[last, alive, 0], kind="stable")].tolist()
         for place, individual in enumerate(order):
-            recording.reset_time()
-            recording.set_time("individual", sequence=place)
+            set_times(recording, individual=place)
             if place == 0:
                 self._log_generation(recording, last)
-            self._log_individual(recording, last, int(individual))
+            self._log_individual(recording, last, individual)
             words = f"## Point {individual}, rank {place + 1} of {len(order)} in {self.loop.names[0]}\n\n"
             words += "The weights choose it.\n\n" if individual == self.step.chosen[last] else ""
-            self._log_text(recording, words + self._objectives(last, int(individual)))
+            self._log_text(recording, words + self._objectives(last, individual))
         recording.reset_time()
 
     def _log_generation(self, recording: rr.RecordingStream, number: int) -> None:
-        """Draw a generation at the current time: its population and front, and the arms of the front."""
-        objectives, front = self.step.objectives[number], self.step.fronts[number]
+        """Draw a generation at the current time: its population and front, their text, and the arms of the front."""
+        objectives, front, chosen = self.step.objectives[number], self.step.fronts[number], self.step.chosen[number]
         alive = np.isfinite(objectives).all(axis=1)
-        self._log_text(recording, self._generation_text(number))
         drawing, names = self._drawing, [f"point {individual}" for individual in front]
         within = objectives[front] if len(front) else None
         self._scatter.log_points(recording, "population", objectives[alive], reference=within)
@@ -111,25 +85,7 @@ class StepScene:
         ghosts = drawing.stage.strips(links, SCREEN.ghost, 1.0, 0.0, labels=names, show_labels=False)
         recording.log(f"{drawing.entity}/front", ghosts)
         recording.log(f"{drawing.entity}/place", target_mark(drawing, self.step.target))
-        if len(front):
-            self._log_individual(recording, number, int(self.step.chosen[number]))
-
-    def _log_individual(self, recording: rr.RecordingStream, number: int, individual: int) -> None:
-        """Draw one individual of a generation: its objectives and its arm."""
-        row, name = np.array([individual]), f"point {individual}"
-        objectives = self.step.objectives[number, row]
-        front = self.step.objectives[number, self.step.fronts[number]]
-        self._scatter.log_points(recording, "chosen", objectives, ids=row, names=[name], reference=front)
-        place, avoided = normalised(objectives, front), normalised(front, front)
-        self._scatter.log_label(recording, "chosen", place, name, avoided=avoided)
-        links = self._links(number, row)[0]
-        self._drawing.log_arm(recording, "chosen", links, None)
-
-    def _generation_text(self, number: int) -> str:
-        """Return the text of a generation, and of the individual that the weights choose."""
-        objectives, front = self.step.objectives[number], self.step.fronts[number]
-        alive = np.isfinite(objectives).all(axis=1)
-        shown = normalised(objectives[alive], objectives[front]) if len(front) else objectives[alive]
+        shown = objectives[alive] if within is None else normalised(objectives[alive], within)
         lines = [
             f"# Step {self.step.sample}, generation {number}",
             f"{counted(len(front), 'point')} on its front; of {counted(len(alive), 'individual')} "
@@ -138,19 +94,29 @@ class StepScene:
         ]
         if len(front) == 1:
             lines += ["", NO_RANGE]
-        if len(front) > 1 and not is_seen_beside(self._drawing, distance := self._distance(number)):
+        if len(front) > 1 and not is_seen_beside(drawing, distance := self._distance(number)):
             lines += ["", f"All arms of the front lie under the white one, at most {distance:.2g} m from it."]
-        if len(front):
-            low, high = objectives[front].min(axis=0), objectives[front].max(axis=0)
-            ranges = zip(self.loop.names, low, high, self.loop.units, strict=True)
+        if within is not None:
+            ranges = zip(self.loop.names, within.min(axis=0), within.max(axis=0), self.loop.units, strict=True)
             lines += ["", "## Ranges of the front", ""]
             lines += [f"- **{name}**: {range_text(least, most, unit)}" for name, least, most, unit in ranges]
-            lines += ["", "## Chosen by the weights", "", self._objectives(number, int(self.step.chosen[number]))]
-        return "\n".join(lines)
+            lines += ["", "## Chosen by the weights", "", self._objectives(number, int(chosen))]
+        self._log_text(recording, "\n".join(lines))
+        if within is not None:
+            self._log_individual(recording, number, int(chosen))
+
+    def _log_individual(self, recording: rr.RecordingStream, number: int, individual: int) -> None:
+        """Draw one individual of a generation: its objectives and its arm."""
+        row, name = np.array([individual]), f"point {individual}"
+        objectives = self.step.objectives[number, row]
+        front = self.step.objectives[number, self.step.fronts[number]]
+        self._scatter.log_points(recording, "chosen", objectives, ids=row, names=[name], reference=front)
+        avoid = self._scatter.area(normalised(front, front))
+        self._scatter.log_label(recording, "chosen", normalised(objectives, front), name, avoid=avoid)
+        self._drawing.log_arm(recording, "chosen", self._links(number, row)[0], None)
 
     def _objectives(self, number: int, individual: int) -> str:
-        values = self.step.objectives[number, individual]
-        named = zip(self.loop.names, values, self.loop.units, strict=True)
+        named = zip(self.loop.names, self.step.objectives[number, individual], self.loop.units, strict=True)
         return "\n".join(f"- **{name}**: {value:.6g} {unit}".rstrip() for name, value, unit in named)
 
     def _log_text(self, recording: rr.RecordingStream, words: str) -> None:
@@ -166,14 +132,21 @@ class StepScene:
     @cached_property
     def _legend(self) -> Legend:
         cell = self._drawing.workcell
-        obstacles = [("obstacle", SCREEN.obstacle)] if cell.obstacles else []
-        within = [
+        behind = [  # individuals outside the front of their generation
             normalised(np.delete(objectives, front, axis=0), objectives[front]) if len(front) else objectives
             for objectives, front in zip(self.step.objectives, self.step.fronts, strict=True)
-        ]  # individuals outside the front of their generation
-        shows = {POPULATION: any(map(self._scatter.shows_any, within)), ARMS: self._shows_arms, PATH: bool(cell.paths)}
-        entries = [(words, colour) for words, colour in ENTRIES if shows.get(words, True)]
-        return Legend(entity=f"{self._root}/legend", entries=[*entries, *obstacles])
+        ]
+        entries = drawn_entries(
+            ("population", SCREEN.population, any(map(self._scatter.shows_any, behind))),
+            ("front of the generation", SCREEN.front, True),
+            ("chosen by the weights, or the individual looked at", SCREEN.chosen, True),
+            ("its arm", SCREEN.arm, True),
+            ("arms of the front", SCREEN.ghost, self._shows_arms),
+            ("path to follow", SCREEN.target, cell.paths),
+            ("where the tool is to be", SCREEN.path, True),
+            ("obstacle", SCREEN.obstacle, cell.obstacles),
+        )
+        return Legend(entity=f"{self._root}/legend", entries=entries)
 
     @cached_property
     def _shows_arms(self) -> bool:
@@ -197,8 +170,8 @@ class StepScene:
     @cached_property
     def _drawing(self) -> ArmDrawing:
         cell = self.loop.workcell or Workcell(arm=self.step.arm)
-        shown = [self._links(number, front) for number, front in enumerate(self.step.fronts)]
-        nodes = np.concatenate([*(links.reshape(-1, 3) for links in shown), self.step.target[None]])
+        shown = [self._links(number, front).reshape(-1, 3) for number, front in enumerate(self.step.fronts)]
+        nodes = np.concatenate([*shown, self.step.target[None]])
         return ArmDrawing(entity=f"{self._root}/arm", workcell=cell, nodes=nodes)
 
 
@@ -214,80 +187,65 @@ class LoopDrawing:
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
         self._scatter.log_axes(stream)
-        for chart in self._charts:
-            chart.log(stream)
-        if self._motions is not None:
-            self._motions.log(stream)
+        for drawn in (*self._charts, self._motions):
+            if drawn is not None:
+                drawn.log(stream)
         first = self.messages[0].number if self.messages else 0
         if first:  # explain at step 0 why it has no front, next to its picture and in it
-            self._set_time(stream, 0)
-            log_text(stream, beginning_text(first))
+            set_times(stream, **self._times(0))
+            words = "The arm stands where it begins: nothing was searched for, so there is no front."
+            log_text(stream, f"# Step 0\n\n{words} The first is that of step {first}.")
             for chart in self._charts:
                 chart.log_cursor(stream, float(first))
             self._scatter.log_note(stream, f"no front before step {first}")
-            self._set_time(stream, first)
+            set_times(stream, **self._times(first))
             self._scatter.log_note(stream, "")
         for generation in self.messages:
-            self._set_time(stream, generation.number)
+            set_times(stream, **self._times(generation.number))
             self._log_step(stream, generation)
-        self._send_motion(stream)
-        stream.reset_time()
+        point, motions = self._point, self._motions
+        if motions is not None and point is not None and point.motion is not None:
+            # the arm moves one sample per step; before the first sample it is at its start
+            times = point.motion.time
+            columns = [rr.TimeColumn("motion", duration=times), rr.TimeColumn("step", sequence=np.arange(len(times)))]
+            set_times(stream, **self._times(0))
+            motions.log_whole(stream, [point], row=0)
+            if self._searches and self._opening is not None:
+                set_times(stream, generation=0, individual=0)
+                motions.log_whole(stream, [point], row=self._opening.number)
+            stream.reset_time()
+            motions.send(stream, point, columns, point.motion.q, times)
+            motions.send_series(stream, point, columns)
         if self._searches and self.messages:
-            for timeline in ("generation", "individual"):  # of searched steps: the loop does not move meanwhile
-                stream.set_time(timeline, sequence=0)
-            hint = search_hint([each.step.sample for each in self._searches])
+            set_times(stream, generation=0, individual=0)  # of searched steps: the loop does not move meanwhile
+            tabs = " and ".join(f"\u201csearch of step {each.step.sample}\u201d" for each in self._searches)
+            hint = f"**This timeline moves {tabs}: open that tab above the legend.**"
             self._log_step(stream, self._opening or self.messages[-1], hint)
         for each in self._searches:
-            each.log(stream, self._times_of(each.step.sample))
-        stream.reset_time()
+            times_of_motion = {name: time for name, time in self._times(each.step.sample).items() if name != "step"}
+            each.log(stream, times_of_motion)
         self._layout.log(stream)
 
-    def _set_time(self, stream: rr.RecordingStream, step: int) -> None:
-        stream.reset_time()
-        stream.set_time("step", sequence=step)
-        for timeline, seconds in self._times_of(step).items():
-            stream.set_time(timeline, duration=seconds)
-
-    def _times_of(self, step: int) -> dict[str, float]:
-        """Return the end time of a step on the timeline of the motion, if there is one."""
+    def _times(self, step: int) -> dict[str, float]:
+        """Return the time of a step, and its end [s] on the timeline of the motion, if there is one."""
         motion = None if self._point is None else self._point.motion
-        return {} if motion is None else {"motion": float(motion.time[step])}
+        return {"step": step} | ({} if motion is None else {"motion": float(motion.time[step])})
 
     def _log_step(self, stream: rr.RecordingStream, generation: Generation, hint: str = "") -> None:
         """Draw a step at the current time with its text, which begins with a hint."""
         choice, opening = self.end.choice, None if self._opening is None else self._opening.number
-        words = [hint, text_of(self.scene, generation)]
+        words = [hint, step_text(self.scene, generation)]
         if choice is not None:
             words.append(f"## The whole loop\n\n{screen_text(choice.reason)}")
         words.append(loop_guide([each.step.sample for each in self._searches], opening))
         log_generation(stream, self._scatter, self._charts, generation, "\n\n".join(filter(None, words)))
 
-    def _send_motion(self, stream: rr.RecordingStream) -> None:
-        """Move the arm, one sample per step; before the first sample it is at its start."""
-        point = self._point
-        if self._motions is None or point is None or point.motion is None:
-            return
-        times = point.motion.time
-        columns = [rr.TimeColumn("motion", duration=times), rr.TimeColumn("step", sequence=np.arange(len(times)))]
-        self._set_time(stream, 0)
-        self._motions.log_whole(stream, [point], row=0)
-        if self._searches and self._opening is not None:
-            stream.reset_time()
-            for timeline in ("generation", "individual"):
-                stream.set_time(timeline, sequence=0)
-            self._motions.log_whole(stream, [point], row=self._opening.number)
-        stream.reset_time()
-        self._motions.send(stream, point, columns, point.motion.q, times)
-        self._motions.send_series(stream, point, columns)
-
     @cached_property
     def _opening(self) -> Generation | None:
-        """The step that the recording opens on: the first with a recorded search, or the one with the widest front.
-
-        The widest front has the largest product of ranges among those in which every objective varies.
-        """
+        """The step that the recording opens on: the first with a recorded search, or the one with the widest front."""
         recorded = {each.sample for each in self.end.searched}
         steps = [each for each in self.messages if each.number in recorded]
+        # the widest front has the largest product of ranges among those in which every objective varies
         varying = [each for each in self.messages if len(each.front) and np.ptp(each.front, axis=0).all()]
         if steps or not varying:
             return steps[0] if steps else None

@@ -16,7 +16,7 @@ from paretoik.arrays import Times, Values
 from paretoik.review.drawing.arm import ArmDrawing
 from paretoik.review.drawing.axes import entity_names, screen_text
 from paretoik.review.drawing.charts import Chart, LimitLine, curve_points, fit_below_tabs
-from paretoik.review.drawing.layout import Entry
+from paretoik.review.drawing.layout import Entry, drawn_entries
 from paretoik.review.palette import DRAWING, SCREEN, even_rows, has_masses, is_sliding, joint_units
 from paretoik.review.recording.messages import RecordedMotion, RecordedPoint, Workcell, joint_curves
 from paretoik.robot.kinematics import joint_scales, link_nodes
@@ -75,10 +75,7 @@ def posture_chart(cell: Workcell, values: Values, postures: Float[np.ndarray, "p
 
 
 def limit_lines(cell: Workcell, kind: str, end: float) -> list[LimitLine]:
-    """Return the limits of a kind up to ``end`` [s], each once: a shared limit has the colours of all its joints.
-
-    A limit that all joints share has one colour.
-    """
+    """Return the limits of a kind up to ``end`` [s], each once: a shared limit has the colours of all its joints."""
     bounds, lines, names = cell.bounds.get(kind, np.zeros((1, 0, 2))), list[LimitLine](), cell.arm.joint_names
     instants = np.array([0.0, end]) if len(bounds) == 1 else cell.times
     bounds = np.repeat(bounds, 2, axis=0) if len(bounds) == 1 else bounds
@@ -121,10 +118,7 @@ class ReplayClock:
 
     @staticmethod
     def of(generations: Sequence[Sequence[RecordedPoint]]) -> ReplayClock:
-        """Return the clock of generations, given the points of each.
-
-        The generations that move are spread evenly over those in which an arm can move.
-        """
+        """Return the clock of generations, given the points of each; those that move are spread evenly."""
         able = [i for i, points in enumerate(generations) if is_moving(points)]
         moving = frozenset(able[i] for i in even_rows(len(able), OPTIONS.generations))
         lengths = [OPTIONS.moving if i in moving else OPTIONS.standing for i in range(len(generations))]
@@ -170,25 +164,20 @@ class MotionScene:
 
         ``postures``: name of the postures drawn behind arms that stand still, "" for none.
         """
-        cell = self.workcell
-        entries: list[Entry] = [(arm, SCREEN.arm)]
-        if cell.link_radius:
-            entries.append(("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255)))
-        if is_moving(self.points):
-            entries += [("its postures over time", SCREEN.ghost), ("path of its tool", SCREEN.path)]
-        elif postures:
-            entries.append((postures, SCREEN.ghost))
-        if cell.paths:
-            entries.append(("path to follow", SCREEN.target))
-        if cell.places:
-            entries.append(("places that count" if len(cell.places) > 1 else next(iter(cell.places)), SCREEN.target))
-        if len(cell.directions):
-            entries.append(("directions", SCREEN.target))
-        if cell.obstacles:
-            entries.append(("obstacle", SCREEN.obstacle))
-        if any(chart.limits for chart in self.charts.values()):
-            entries.append(("limits: dashed", SCREEN.text))
-        return entries
+        cell, moving = self.workcell, is_moving(self.points)
+        places = "places that count" if len(cell.places) > 1 else next(iter(cell.places), "")
+        return drawn_entries(
+            (arm, SCREEN.arm, True),
+            ("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255), cell.link_radius),
+            ("its postures over time", SCREEN.ghost, moving),
+            ("path of its tool", SCREEN.path, moving),
+            (postures, SCREEN.ghost, postures and not moving),
+            ("path to follow", SCREEN.target, cell.paths),
+            (places, SCREEN.target, cell.places),
+            ("directions", SCREEN.target, len(cell.directions)),
+            ("obstacle", SCREEN.obstacle, cell.obstacles),
+            ("limits: dashed", SCREEN.text, any(chart.limits for chart in self.charts.values())),
+        )
 
     @cached_property
     def charts(self) -> dict[str, Chart]:
@@ -206,10 +195,7 @@ class MotionScene:
     def log_whole(
         self, recording: rr.RecordingStream, points: Sequence[RecordedPoint], *, row: int | None = None
     ) -> None:
-        """Draw motions of points at the current time: paths, and the chosen one's ghosts and curves.
-
-        Their arms are at a ``row`` of their samples, by default at half the time.
-        """
+        """Draw motions of points at the current time: paths, and the chosen one's ghosts and curves."""
         drawing = self.drawing
         for point in points:
             motion, is_chosen = point.motion, point.axis is None
@@ -233,10 +219,7 @@ class MotionScene:
                 drawing.meshes.log_posture(recording, motion.q[place])
 
     def log_predicted(self, recording: rr.RecordingStream, motion: RecordedMotion | None) -> None:
-        """Draw postures of a predicted motion, for all times, and its tool path if no path is prescribed.
-
-        Without a motion nothing is drawn.
-        """
+        """Draw postures of a predicted motion, for all times, and its tool path if no path is prescribed."""
         links = np.zeros((0, 2, 3)) if motion is None else self._links(motion.q)
         ghosts = list(links[even_rows(len(links), SCREEN.ghosts)]) if len(links) else []
         path = [links[:, -1]] if len(links) > 1 and not self.workcell.paths else []
@@ -253,10 +236,7 @@ class MotionScene:
     def send_replay(
         self, recording: rr.RecordingStream, slots: Sequence[tuple[float, Sequence[RecordedPoint]]]
     ) -> None:
-        """Move the arms of points on the timeline ``replay``, from the time [s] of each of ``slots`` on.
-
-        The longest motion of a slot fills it.
-        """
+        """Move the arms of points on the timeline ``replay``, from the time [s] of each of ``slots`` on."""
         for begin, points in slots:
             motions = [(point, point.motion) for point in points if point.motion is not None]
             longest = max((float(np.ptp(motion.time)) for _, motion in motions), default=0.0)

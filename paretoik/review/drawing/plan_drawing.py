@@ -9,14 +9,26 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
+from jaxtyping import Float
 
-from paretoik.review.drawing.axes import screen_text
+from paretoik.arrays import Mask, Values
+from paretoik.review.drawing.axes import (
+    TEXT,
+    Canvas,
+    flat_dots,
+    flat_lines,
+    flat_view,
+    labels,
+    screen_text,
+    window,
+)
 from paretoik.review.drawing.charts import Chart, curve_points
-from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, text_view
+from paretoik.review.drawing.label_places import joined_labels, label_area, label_place, line_points
+from paretoik.review.drawing.layout import Layout, Legend, drawn_entries, log_text, set_times, text_view
 from paretoik.review.drawing.motion import MotionScene, ReplayClock, motion_views
-from paretoik.review.drawing.plan_panel import PlanPanel
 from paretoik.review.drawing.point_text import infeasible_text
-from paretoik.review.palette import DRAWING, SCREEN, even_rows, screen_label
+from paretoik.review.palette import DRAWING, MARKS, SCREEN, Colour, even_rows, screen_label
 from paretoik.review.recording.messages import (
     PlanEnd,
     PlannedLevel,
@@ -25,7 +37,7 @@ from paretoik.review.recording.messages import (
     RecordedMotion,
     RecordedPoint,
 )
-from paretoik.review.words import counted, run_text
+from paretoik.review.words import counted, run_text, value_text
 from paretoik.task.limits import JOINT_UNITS
 
 # The texts of a plan, in Markdown.
@@ -34,30 +46,30 @@ from paretoik.task.limits import JOINT_UNITS
 def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
     """Return the text of a level."""
     starts, failed = counted(len(level.starts), "start"), int((~np.isfinite(level.ends)).sum())
-    if level.least_violating is not None:
+    nearest = level.least_violating
+    if nearest is not None:
         counts = f"{starts}; none led to a motion that keeps all limits. The arm shows the least-violating one."
     else:
         counts = f"{starts}, {counted(len(level.optima), 'distinct optimum', 'distinct optima')}"
         counts += f"; {failed} of the starts led to none." if failed else "."
     lines = [f"# Level {level.number}: {level.samples} samples", counts]
-    if beyond := panel.beyond(level):
+    if beyond := int((~panel.is_near(level.starts)).sum()):
         lines.append(f"{counted(beyond, 'start')} too far off for the picture: dashes at its edge.")
     if len(panel.levels) > 1:
         lines.append("Values of different levels are not comparable: a motion of other samples has another value.")
-    if level.least_violating is not None:
+    if nearest is not None:
         lines += [
             "",
             "Constraints broken by the least-violating motion:",
             "",
-            *(f"- {each}" for each in level.least_violating.broken),
+            *(f"- {each}" for each in nearest.broken),
         ]
         return screen_text("\n".join(lines))
     lines += ["", "## Optima of the level", ""]
     for place, value in enumerate(level.optima[: DRAWING.optima]):
         hits = int((level.motions.optimum == place).sum())
         lines.append(f"- {place}: {_value(panel.scene, value)}, from {counted(hits, 'start')}")
-    lines += _further(len(level.optima))
-    return screen_text("\n".join(lines))
+    return screen_text("\n".join([*lines, *_further(len(level.optima))]))
 
 
 def start_text(scene: PlannedScene, level: PlannedLevel, row: int) -> str:
@@ -82,20 +94,22 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
     """Return the text of a final optimum, of ``count`` in all."""
     optimum, best = optima[place], optima[0]
     value, least = float(optimum.point.objectives[0]), float(best.point.objectives[0])
+    worse = f", {100 * abs(value - least) / max(abs(least), 1e-300):.3g}% worse than the best" if place else ""
     lines = [
         f"# Optimum {place} ({place + 1} of {count})" + (", the best" if place == 0 else ""),
-        f"- **{scene.name}**{', more is better' if scene.maximised else ''}: {_value(scene, value)}"
-        + (f", {100 * abs(value - least) / max(abs(least), 1e-300):.3g}% worse than the best" if place else ""),
-        f"- branch {_branch(optimum)}: how each inner joint is bent, `~` before one that passes through straight"
-        if optimum.branch
-        else "",
-        f"- {optimum.status} (local)",
-        f"- violation {optimum.violation_between:.2g} of a limit's range on a finer grid"
-        if np.isfinite(optimum.violation_between)
-        else "- leaves its path between the samples",
-        f"- as good and of the same branch: {twin}" if (twin := _twin_words(scene, optima, place)) else "",
+        f"- **{scene.name}**{', more is better' if scene.maximised else ''}: {_value(scene, value)}{worse}",
     ]
-    return screen_text("\n".join(line for line in lines if line))
+    if optimum.branch:
+        words = "how each inner joint is bent, `~` before one that passes through straight"
+        lines.append(f"- branch {_branch(optimum)}: {words}")
+    lines.append(f"- {optimum.status} (local)")
+    if np.isfinite(optimum.violation_between):
+        lines.append(f"- violation {optimum.violation_between:.2g} of a limit's range on a finer grid")
+    else:
+        lines.append("- leaves its path between the samples")
+    if twin := _twin_words(scene, optima, place):
+        lines.append(f"- as good and of the same branch: {twin}")
+    return screen_text("\n".join(lines))
 
 
 def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) -> str:
@@ -107,8 +121,7 @@ def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) ->
         lines.append(", ".join(filter(None, words)))
     counts = f"The first level had {counted(first, 'start')}"
     counts += f"; those after it begin from its optima, {starts - first} in all." if starts > first else "."
-    lines += [*_further(len(end.optima)), "", counts]
-    return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
+    return screen_text("\n".join([*lines, *_further(len(end.optima)), "", counts, "", run_text(end.provenance)]))
 
 
 def _twin_words(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int) -> str:
@@ -122,13 +135,10 @@ def _twin_words(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: in
     motion, reference = optima[place].point.motion, optima[twin].point.motion
     if twin == place or motion is None or reference is None:
         return ""
-    difference = motion.q - reference.q
+    difference, arm = motion.q - reference.q, scene.workcell.arm
     row, joint = np.unravel_index(int(np.abs(difference).argmax()), difference.shape)
-    arm = scene.workcell.arm
-    unit = JOINT_UNITS["position"][arm.joint_types[joint] == "prismatic"]
-    return (
-        f"{arm.joint_names[joint]} {difference[row, joint]:+.3g} {unit} from optimum {twin} at {motion.time[row]:.3g} s"
-    )
+    amount = f"{difference[row, joint]:+.3g} {JOINT_UNITS['position'][arm.joint_types[joint] == 'prismatic']}"
+    return f"{arm.joint_names[joint]} {amount} from optimum {twin} at {motion.time[row]:.3g} s"
 
 
 def _branch(optimum: PlannedOptimum) -> str:
@@ -140,7 +150,209 @@ def _further(count: int) -> list[str]:
 
 
 def _value(scene: PlannedScene, value: float) -> str:
-    return f"{value:.5g} {scene.unit}".rstrip()
+    return value_text(value, scene.unit, digits=5)
+
+
+# The panel of a plan: the objective at every start, at its result, and at the optima, level by level.
+
+
+ENTITY = "objective"
+BEST = "best"  # name of the best point
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanPanel:
+    """One band per level, with its starts in the order of the search, and one band of the final ``optima``.
+
+    A band has width 1, and no mark touches its borders. Values that are too far away are dashes at the edge.
+    """
+
+    scene: PlannedScene
+    levels: Sequence[PlannedLevel]
+    optima: Sequence[PlannedOptimum]
+
+    def view(self) -> rrb.View:
+        """Return the view."""
+        return flat_view(ENTITY, "objective at starts", self.canvas.bounds())
+
+    def log(self, recording: rr.RecordingStream) -> None:
+        """Draw axes, borders between bands with the name of each below it, and the final optima, for all times."""
+        canvas = self.canvas
+        canvas.log(recording, ENTITY)
+        recording.log(f"{ENTITY}/levels/lines", flat_lines(self._borders, SCREEN.frame, 0.7, 0.2), static=True)
+        recording.log(f"{ENTITY}/final", flat_lines(self._value_lines, SCREEN.final, 0.7, 0.5), static=True)
+        words = [f"{level.samples} samples" for level in self.levels] + ["optima"] * bool(self.optima)
+        middles = canvas.place(np.array([(band + 0.5, canvas.low[1]) for band in range(len(words))]).reshape(-1, 2))
+        title = np.array([[canvas.width / 2, canvas.height + 1.75 * TEXT.line]])
+        places = np.concatenate([middles + np.array([0.0, 0.7 * TEXT.line]), title])
+        names = labels([*words, "level by level, its starts in the order of the search"], places)
+        recording.log(f"{ENTITY}/levels/names", names, static=True)
+
+    def log_until(
+        self, recording: rr.RecordingStream, count: int, *, ended: bool = False, looked_at: int | None = None
+    ) -> None:
+        """Draw the first ``count`` starts with their results, and the level's best.
+
+        If the plan has ``ended``, its optima are drawn too. A cursor is at the start ``looked_at``, by its number from
+        1, and labels avoid it. Values of other levels are not comparable, because these have other samples.
+        """
+        across, starts, ends = self.across[:count], self.starts[:count], self.ends[:count]
+        failed, borders = ~np.isfinite(ends), np.cumsum([0, *(len(level.starts) for level in self.levels)])
+        first = int(borders[borders < count].max(initial=0))  # first start of the level of the last one
+        for layer, rows, colour in (("starts", ~failed, SCREEN.population), ("failed", failed, SCREEN.failed)):
+            # dots in the axes; those beyond are dashes that point towards them
+            x, values, (low, high) = across[rows], starts[rows], (self.canvas.low[1], self.canvas.high[1])
+            near, strips = self.is_near(values), list[np.ndarray]()
+            self._log_points(recording, layer, x[near], values[near], colour, MARKS.start, 1.0)
+            for at, value in zip(x[~near & np.isfinite(values)], values[~near & np.isfinite(values)], strict=True):
+                tip, dash = np.array([at, np.clip(value, low, high)]), np.copysign(MARKS.edge_dash, value - high)
+                strips.append(self.canvas.place(tip) + np.array([(0.0, 0.0), (0.0, dash)]))
+            recording.log(f"{ENTITY}/{layer}/beyond", flat_lines(strips, colour, 0.8, 1.0))
+        self._log_points(recording, "ends", across[~failed], ends[~failed], SCREEN.front, 3.2, 2.0)
+        places = self._places if ended else np.zeros(0)
+        self._log_points(recording, "optima", places, self._final[: len(places)], SCREEN.front, 4.5, 3.0)
+        where, best = places[:1], self._final[: len(places[:1])]
+        if not len(where) and np.isfinite(ends[first:]).any():  # a level without an optimum has no best
+            row = first + int(np.nanargmax(ends[first:]) if self.scene.maximised else np.nanargmin(ends[first:]))
+            where, best = across[row, None], ends[row, None]
+        cursors = [] if looked_at is None else [self._upright(float(self.across[looked_at - 1]))]
+        self._log_named(recording, "best", where, best, SCREEN.chosen, 4.0, BEST, cursors)
+        self._log_named(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.arm, 4.5, "")
+        if looked_at is not None:
+            recording.log(f"{ENTITY}/cursor", flat_lines(cursors, SCREEN.text, 0.8, 0.8))
+
+    def log_optimum(self, recording: rr.RecordingStream, place: int) -> None:
+        """Mark the final optimum at a place as looked at; the best keeps its mark."""
+        where = self._places[min(place, DRAWING.optima - 1), None][: int(place > 0)]
+        value = np.array([self.optima[place].point.objectives[0]])[: len(where)]
+        self._log_named(recording, "looked_at", where, value, SCREEN.arm, 4.5, f"optimum {place}")
+
+    @cached_property
+    def starts(self) -> Values:
+        """The objective at all starts (starts,), level after level."""
+        return np.concatenate([np.zeros(0), *(level.starts for level in self.levels)])
+
+    @cached_property
+    def ends(self) -> Values:
+        """The objective at the results of all starts (starts,), NaN if a result is not an optimum."""
+        return np.concatenate([np.zeros(0), *(level.ends for level in self.levels)])
+
+    @cached_property
+    def across(self) -> Values:
+        """The horizontal places of all starts (starts,), in the band of their level."""
+        bands = [self._across_band(place, len(level.starts)) for place, level in enumerate(self.levels)]
+        return np.concatenate([np.zeros(0), *bands])
+
+    @cached_property
+    def canvas(self) -> Canvas:
+        """The canvas of the panel."""
+        optima = np.concatenate([self._final, *(level.optima[:1] for level in self.levels)])
+        reached = self.ends[np.isfinite(self.ends)]
+        share = 1 - DRAWING.near if self.scene.maximised else DRAWING.near
+        seen = np.append(optima, np.quantile(reached, share) if len(reached) else [])
+        seen = seen[np.isfinite(seen)] if np.isfinite(seen).any() else self.starts[np.isfinite(self.starts)]
+        seen = seen if len(seen) else np.zeros(1)
+        low, high = float(seen.min()), float(seen.max())
+        reach = 1.5 * max(high - low, 0.02 * max(abs(low), abs(high)), 1e-12)
+        near = np.concatenate([seen, self.starts, reached])
+        sign = -1.0 if self.scene.maximised else 1.0
+        best, worst = sorted((sign * low, sign * high))
+        is_near = (sign * near >= best - DRAWING.better * reach) & (sign * near <= worst + reach)
+        near = near[np.isfinite(near) & is_near]
+        corners = np.stack([np.resize([0.0, self._end], len(near) + 2), np.append(near, [low, high])], axis=1)
+        low_corner, high_corner = window(corners, margin=0.06)
+        low_corner[0], high_corner[0] = 0.0, self._end
+        label = screen_label(self.scene.name, self.scene.unit, self.scene.maximised)
+        return Canvas(low=low_corner, high=high_corner, labels=("", label), ticked=(False, True))
+
+    def is_near(self, values: Values) -> Mask:
+        """Mark the values that the axes contain; others are at the edge."""
+        return np.asarray((values >= self.canvas.low[1]) & (values <= self.canvas.high[1]))
+
+    @property
+    def _final(self) -> Values:
+        return np.array([each.point.objectives[0] for each in self.optima[: DRAWING.optima]], dtype=float)
+
+    @property
+    def _end(self) -> float:
+        return float(max(len(self.levels) + bool(self.optima), 1))
+
+    @property
+    def _places(self) -> Values:
+        """The horizontal places of the final optima."""
+        return self._across_band(len(self.levels), len(self._final))
+
+    def _across_band(self, place: int, count: int) -> Values:
+        """Return ``count`` places of marks in a band; no mark crosses a border."""
+        margin = min(MARKS.band_margin * self._end / self.canvas.width, 0.25)
+        shares = (np.arange(count) + 0.5) / max(count, 1)
+        return np.asarray(place + margin + (1.0 - 2.0 * margin) * shares)
+
+    def _mark(self, across: Values, values: Values) -> Float[np.ndarray, "points 2"]:
+        """Return the positions of points [pixels].
+
+        Points beyond the axes are at their edge; points without a value are left out.
+        """
+        clipped = np.clip(values, self.canvas.low[1], self.canvas.high[1])
+        return self.canvas.place(np.stack([across, clipped], axis=1)[np.isfinite(values)])
+
+    def _log_points(
+        self,
+        recording: rr.RecordingStream,
+        layer: str,
+        across: Values,
+        values: Values,
+        colour: Colour,
+        radius: float,
+        order: float,
+        name: str = "",
+    ) -> None:
+        at = self._mark(across, values)
+        names = [name] if name and len(at) else None
+        recording.log(f"{ENTITY}/{layer}", flat_dots(at, colour, radius, order, labels=names, show_labels=False))
+
+    def _log_named(
+        self,
+        recording: rr.RecordingStream,
+        layer: str,
+        across: Values,
+        values: Values,
+        colour: Colour,
+        order: float,
+        words: str,
+        lines: Sequence[np.ndarray] = (),
+    ) -> None:
+        """Draw a point, or none, with its name."""
+        self._log_points(recording, layer, across, values, colour, 6.5, order, words)
+        canvas, marks, middles = self.canvas, self._mark(across, values), list[np.ndarray]()
+        for mark in marks:
+            others = np.concatenate([self._drawn, line_points(np.array(lines).reshape(-1, 2, 2))])
+            if layer == "looked_at":
+                best = self._mark(self._places[:1], self._final[:1])[0]
+                others = np.concatenate([others, label_area(label_place(canvas, best, BEST, others), BEST)])
+            middles.append(label_place(canvas, mark, words, others))
+        recording.log(f"{ENTITY}/{layer}/name", *joined_labels(marks, middles, [words] * len(marks), colour))
+
+    @cached_property
+    def _drawn(self) -> Float[np.ndarray, "points 2"]:
+        """Points [pixels] on starts, results, optima, their value lines, and borders of levels."""
+        x = np.concatenate([self.across, self.across, self._places])
+        marks = self._mark(x, np.concatenate([self.starts, self.ends, self._final]))
+        return np.concatenate([marks, line_points(np.array([*self._value_lines, *self._borders]).reshape(-1, 2, 2))])
+
+    @property
+    def _value_lines(self) -> list[np.ndarray]:
+        """Lines [pixels] at the values of the final optima."""
+        final = self._final[self.is_near(self._final)]
+        return [self.canvas.place(np.array([(0.0, value), (self._end, value)])) for value in final]
+
+    @property
+    def _borders(self) -> list[np.ndarray]:
+        """Lines [pixels] between bands."""
+        return [self._upright(float(x)) for x in np.arange(1, int(self._end))]
+
+    def _upright(self, x: float) -> np.ndarray:
+        return self.canvas.place(np.array([(x, self.canvas.low[1]), (x, self.canvas.high[1])]))
 
 
 START = "start"  # layer of a start's arm
@@ -168,17 +380,13 @@ class PlanDrawing:
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
         motions = self._motions
-        self._panel.log(stream)
-        if motions is not None:
-            motions.log(stream)
-        for chart in self._charts:
-            chart.log(stream)
+        for drawn in (self._panel, motions, *self._charts):
+            if drawn is not None:
+                drawn.log(stream)
         for place, level in enumerate(self.messages):
-            stream.reset_time()
-            stream.set_time("level", sequence=level.number)
-            stream.set_time("replay", duration=float(self._clock.begins[place]))
-            if self.end is None and place == len(self.messages) - 1:
-                self._at_the_end(stream)
+            is_end = self.end is None and place == len(self.messages) - 1
+            replay = float(self._clock.begins[place])
+            set_times(stream, **self._end_times(level.number) if is_end else {"level": level.number, "replay": replay})
             self._panel.log_until(stream, self._lasts[place])
             log_text(stream, level_text(self._panel, level))
             numbers: dict[str, Any] = {name: getattr(level, name) for name in ("starts", "ends", "optima", "samples")}
@@ -186,11 +394,10 @@ class PlanDrawing:
             self._log_cursors(stream, float(place))
             if motions is not None:
                 motions.log_whole(stream, self._bests[place])
-        if self.end is not None:
+        if self.end is not None:  # the optima, which are shown at the end of all timelines
             self._log_end(stream, self.end)
         if motions is not None:
             self._log_motions(stream, motions)
-        stream.reset_time()
         self._layout.log(stream)
 
     def _log_cursors(self, stream: rr.RecordingStream, instant: float) -> None:
@@ -198,10 +405,7 @@ class PlanDrawing:
             chart.log_cursor(stream, instant)
 
     def _log_end(self, stream: rr.RecordingStream, end: PlanEnd) -> None:
-        """Draw the optima, which are shown at the end of all timelines."""
-        stream.reset_time()
-        stream.set_time("level", sequence=self.messages[-1].number + 1 if self.messages else 0)
-        self._at_the_end(stream)
+        set_times(stream, **self._end_times(self.messages[-1].number + 1 if self.messages else 0))
         count, scene, nearest = len(self._panel.starts), self.scene, end.least_violating
         self._panel.log_until(stream, count, ended=True)
         if nearest is None:
@@ -216,12 +420,9 @@ class PlanDrawing:
         if self._motions is not None:
             self._motions.log_whole(stream, self._best)
 
-    def _at_the_end(self, stream: rr.RecordingStream) -> None:
-        """Set the time to the end of ``replay`` and the beginning of ``motion`` and ``optimum``."""
-        stream.set_time("replay", duration=self._clock.end)
-        stream.set_time("motion", duration=0.0)
-        if self._count > 1:
-            stream.set_time("optimum", sequence=0)
+    def _end_times(self, level: int) -> dict[str, float]:
+        """Return a level's time that is also the end of ``replay`` and the beginning of ``motion`` and ``optimum``."""
+        return {"level": level, "replay": self._clock.end, "motion": 0.0} | ({"optimum": 0} if self._count > 1 else {})
 
     def _log_motions(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
         """Move the best arms, then show starts and optima one by one."""
@@ -231,16 +432,14 @@ class PlanDrawing:
         slots = [(float(self._clock.begins[place]), points) for place, points in enumerate(self._bests)]
         motions.send_replay(stream, [*slots, (self._clock.end, self._best)])
         for number, level, row, points in self._walk:  # a start, and next to it its result
-            stream.reset_time()
-            stream.set_time("start", sequence=number)
+            set_times(stream, start=number)
             self._panel.log_until(stream, number, looked_at=number)
             log_text(stream, start_text(self.scene, level, row))
             self._log_cursors(stream, float(self._instants[number - 1]))
             motions.log_whole(stream, points)
         optima = () if self.end is None or self._count < 2 else self.end.optima[: DRAWING.walk]
         for place, optimum in enumerate(optima):
-            stream.reset_time()
-            stream.set_time("optimum", sequence=place)
+            set_times(stream, optimum=place)
             self._panel.log_optimum(stream, place)
             if place:  # the first one shows the text of all
                 log_text(stream, optimum_text(self.scene, optima, place, self._count))
@@ -318,7 +517,7 @@ class PlanDrawing:
             first = [number >= 0 and number not in optimum[:row] for row, number in enumerate(optimum)]
             distinct[place, columns] = np.cumsum(first)
         label = screen_label(f"best {self.scene.name} of the level so far", self.scene.unit, self.scene.maximised)
-        charts = []
+        charts, colours = [], [SCREEN.joint(level.number) for level in self.messages]
         for name, title, words, curves in (
             ("best", "best of the level so far", label, best),
             ("distinct", "distinct optima", DISTINCT, distinct),
@@ -326,7 +525,6 @@ class PlanDrawing:
             shown = curve_points(self._instants, curves)
             edges = np.array([[at, np.nanmin(shown[:, 1])] for at in (-0.5, len(self.messages) - 0.5)])
             more = {"title": title, "names": [f"{level.samples} samples" for level in self.messages]}
-            colours = [SCREEN.joint(level.number) for level in self.messages]
             shown = np.concatenate([shown, edges])
             charts.append(Chart.over("level", name, words, self._instants, curves, colours, shown=shown, **more))
         return charts
@@ -339,17 +537,15 @@ class PlanDrawing:
     @property
     def _layout(self) -> Layout:
         motions, feasible = self._motions, self.end is None or self.end.least_violating is None
-        starts: list[Entry] = [
-            ("start", SCREEN.population),
-            ("start beyond the axes: a dash at their edge", SCREEN.population),
-        ]
-        failed: Entry = ("start that led to no optimum", SCREEN.failed)
-        entries = [*starts, failed]
-        if feasible:
-            entries = [*starts, ("what it led to", SCREEN.front), failed]
-            entries.append(("best, of a level or in the end", SCREEN.chosen))
-            entries += [("optimum looked at", SCREEN.arm)] if self._count > 1 else []  # a single one is the best
-            entries.append(("values of the optima", SCREEN.final))
+        entries = drawn_entries(
+            ("start", SCREEN.population, True),
+            ("start beyond the axes: a dash at their edge", SCREEN.population, True),
+            ("what it led to", SCREEN.front, feasible),
+            ("start that led to no optimum", SCREEN.failed, True),
+            ("best, of a level or in the end", SCREEN.chosen, feasible),
+            ("optimum looked at", SCREEN.arm, feasible and self._count > 1),  # a single one is the best
+            ("values of the optima", SCREEN.final, feasible),
+        )
         if motions is not None:
             entries += motions.entries("arm" if feasible else "arm of the least-violating motion")
             entries.append(("arm of the start looked at", SCREEN.end(0)))

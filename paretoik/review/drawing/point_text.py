@@ -49,10 +49,7 @@ def broken_limits(cell: Workcell, motion: RecordedMotion) -> list[str]:
 def infeasible_text(
     names: Sequence[str], units: Sequence[str], nearest: LeastViolating, cell: Workcell | None, heading: str
 ) -> str:
-    """Return text on why a run has no result, and on broken constraints.
-
-    ``names`` and ``units`` are those of the objectives.
-    """
+    """Return text on why a run has no result, and on broken constraints."""
     lines = [f"# {heading}", "", nearest.reason]
     if nearest.broken:
         lines += ["", "## Constraints broken", "", *(f"- {words}" for words in nearest.broken)]
@@ -71,18 +68,6 @@ def infeasible_text(
 NO_RANGE = "One point has no range to have a share of: it is drawn in the middle."
 
 
-def choice_text(front: Front, choice: Choice, *, title: str = "chosen", whole: bool = True) -> str:
-    """Return the text of a choice: its reason, objectives, certificate, exchange rates, and the run.
-
-    Only the first sentence of the reason is included unless ``whole``.
-    """
-    first, *others = _sentences(choice.reason)
-    reason = choice.reason
-    if others and not whole:
-        reason = f"{first} The tab \u201cwhy\u201d has the comparisons with other points."
-    return _point_text(front, choice.index, title, reason)
-
-
 def reason_text(choice: Choice) -> str:
     """Return the reason of a choice, one line per sentence."""
     lines = [f"- {sentence}" for sentence in _sentences(choice.reason)]
@@ -98,16 +83,18 @@ def _sentences(words: str) -> list[str]:
     return re.split(r"(?<=[.;]) (?=[A-Z])", words)
 
 
-def point_text(front: Front, row: int, *, chosen: Choice | None) -> str:
-    """Return the text of any point of a front."""
-    if chosen is not None and chosen.index == row:
-        return choice_text(front, chosen, whole=False)
-    return _point_text(front, row, f"number {row + 1} of {len(front)} along the front", "")
+def point_text(front: Front, row: int, *, chosen: Choice | None, title: str = "chosen", whole: bool = False) -> str:
+    """Return the text of a row of a front: its objectives, certificate, exchange rates, and the run.
 
-
-def _point_text(front: Front, row: int, title: str, reason: str) -> str:
-    """Return the text of a row: its objectives, the reason if any, its certificate and the run."""
-    certificates, units = front.certificates, front.units
+    If it is the ``chosen`` point it has the ``title`` and the reason, only its first sentence unless ``whole``.
+    """
+    certificates, units, reason = front.certificates, front.units, ""
+    if chosen is None or chosen.index != row:
+        title = f"number {row + 1} of {len(front)} along the front"
+    else:
+        first, *others = _sentences(chosen.reason)
+        short = f"{first} The tab \u201cwhy\u201d has the comparisons with other points."
+        reason = short if others and not whole else chosen.reason
     names = [named_unit(name, unit) for name, unit in zip(front.names, units, strict=True)]
     lines = [f"# Point {front.ids[row]}, {title}", "", "## Objectives", ""]
     for axis, name in enumerate(names):
@@ -150,6 +137,17 @@ def _point_text(front: Front, row: int, title: str, reason: str) -> str:
     return screen_text(unbroken_units("\n".join(lines), units))
 
 
+def step_text(scene: SearchedFront, step: Generation) -> str:
+    """Return the text of a step of a closed loop."""
+    lines = [f"# Step {step.number}", f"{counted(len(step.front), 'point')} on its front."]
+    lines += ["", NO_RANGE, ""] if len(step.front) == 1 else []
+    if step.chosen is not None and len(step.front):
+        for name, unit, value, values in zip(scene.names, scene.units, step.chosen, step.front.T, strict=True):
+            reach = range_text(values.min(), values.max(), unit)
+            lines.append(f"- **{name}**: chosen {value_text(value, unit, digits=6)}; front: {reach}")
+    return screen_text("\n".join(lines))
+
+
 def text_of(
     scene: SearchedFront,
     generation: Generation,
@@ -158,20 +156,12 @@ def text_of(
     outside: int = 0,
     end: str = "the final front",
 ) -> str:
-    """Return the text of a generation and its compromise, or of a step of a closed loop.
+    """Return the text of a generation and its compromise.
 
     ``moved``: the generation whose motions are shown with it. ``outside``: number of individuals outside the axes,
     which show the neighbourhood of the ``end``.
     """
     number, front, units = generation.number, generation.front, scene.units
-    if scene.timeline == "step":
-        lines = [f"# Step {number}", f"{counted(len(front), 'point')} on its front."]
-        lines += ["", NO_RANGE, ""] if len(front) == 1 else []
-        for axis, name in enumerate(scene.names if generation.chosen is not None and len(front) else ()):
-            chosen = value_text(generation.chosen[axis], units[axis], digits=6)  # type: ignore[index]
-            reach = range_text(front[:, axis].min(), front[:, axis].max(), units[axis])
-            lines.append(f"- **{name}**: chosen {chosen}; front: {reach}")
-        return screen_text("\n".join(lines))
     count, heading = generation.count, f"{scene.timeline.capitalize()} {number}"
     if scene.timeline == "refinement":
         heading = "Before" if generation.origins is None else "After"
@@ -182,7 +172,15 @@ def text_of(
         f"# {heading}",
         summary + (f"; {generation.failed} evaluations failed so far." * (generation.failed > 0) or "."),
     ]
-    lines += ["", *_why_empty(generation)] if not count else []
+    if not count and not len(generation.population):
+        lines += ["", "Nothing could be evaluated yet."]
+    elif not count:
+        individuals = counted(len(generation.population), "individual")
+        reason = f"None of the {individuals} keeps all limits and constraints of the problem: a front has only points"
+        lines += ["", f"{reason} that do."]
+        if generation.least_violating is not None:
+            lines += ["", "Constraints broken by the least-violating individual so far:", ""]
+            lines += [f"- {words}" for words in generation.least_violating.broken]
     if generation.epsilon is not None:
         bounds = [
             f"{name} {'≥' if more else '≤'} {value_text(bound, unit)}"
@@ -210,24 +208,8 @@ def text_of(
     return screen_text(unbroken_units("\n".join(lines).rstrip(), units))
 
 
-def _why_empty(generation: Generation) -> list[str]:
-    """Return why a generation has no front."""
-    count, nearest = len(generation.population), generation.least_violating
-    if not count:
-        return ["Nothing could be evaluated yet."]
-    words = f"None of the {counted(count, 'individual')} keeps all limits and constraints of the problem: "
-    lines = [f"{words}a front has only points that do."]
-    if nearest is not None:
-        lines += ["", "Constraints broken by the least-violating individual so far:", ""]
-        lines += [f"- {words}" for words in nearest.broken]
-    return lines
-
-
 def outside_text(outside: int, count: int, what: str) -> list[str]:
-    """Return lines on individuals outside the axes; none if all are inside.
-
-    ``outside`` of ``count`` individuals are outside the axes, which show the neighbourhood of ``what``.
-    """
+    """Return lines on individuals outside the axes; none if all are inside."""
     verb = "lies" if outside == 1 else "lie"
     words = f"{outside} of {counted(count, 'individual')} {verb} outside the axes, which show what is near {what}."
     return ["", words] if outside else []
@@ -244,20 +226,6 @@ def better_but_infeasible(scene: SearchedFront, population: Population, front: O
     count = int(dominates((population * signs)[:, None], (front * signs)[None]).any(axis=1).sum())
     verb = "looks better than the front and breaks" if count == 1 else "look better than the front and break"
     return f"{counted(count, 'individual')} {verb} a limit or a constraint." if count else ""
-
-
-def beginning_text(first: int) -> str:
-    """Return the text of a closed loop before its ``first`` step."""
-    return (
-        f"# Step 0\n\nThe arm stands where it begins: nothing was searched for, so there is no front. "
-        f"The first is that of step {first}."
-    )
-
-
-def search_hint(searched: Sequence[int]) -> str:
-    """Return where the timelines of searched steps are visible."""
-    tabs = " and ".join(f"\u201csearch of step {step}\u201d" for step in searched)
-    return f"**This timeline moves {tabs}: open that tab above the legend.**"
 
 
 def loop_guide(searched: Sequence[int], opening: int | None) -> str:

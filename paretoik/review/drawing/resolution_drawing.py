@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 import rerun as rr
 
-from paretoik.review.drawing.axes import screen_text
+from paretoik.review.drawing.axes import flat_dots, screen_text
 from paretoik.review.drawing.charts import Chart, LimitLine, curve_points
-from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, text_view
+from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, set_times, text_view
 from paretoik.review.drawing.motion import MotionScene, motion_views
 from paretoik.review.drawing.point_text import broken_limits
 from paretoik.review.palette import DRAWING, SCREEN, VIEWS, even_rows
@@ -50,12 +50,7 @@ def motion_text(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd
     lines += ["", "## Steps", ""]
     steps = Counter(traces.status.tolist())
     lines += [f"- {count} {STATUSES.get(status, status)}" for status, count in steps.most_common()]
-    lines += _method(scene, traces, end)
-    return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
-
-
-def _method(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd) -> list[str]:
-    """Return the method's numbers with their units; numbers that vary between motions are this motion's."""
+    # the method's numbers with their units; numbers that vary between motions are this motion's
     units = {
         "damping": scene.damping_unit,
         "region": scene.damping_unit,
@@ -63,16 +58,16 @@ def _method(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd) ->
         "buffer": "of a joint's range",
         "band": "of a criterion's range",
     }
-    method = (end.provenance.get("settings") or {}).get("method") or {}
     numbers = list[str]()
-    for name, value in method.items():
+    for name, value in ((end.provenance.get("settings") or {}).get("method") or {}).items():
         if name == "name" or value in (None, []):
             continue
         by_motion = np.array(value if isinstance(value, list) else [], dtype=object).ravel()
         if end.count > 1 and len(by_motion) == end.count and all(isinstance(each, int | float) for each in by_motion):
             value = float(by_motion[traces.point.id])
         numbers.append(f"- {name.replace('_', ' ')}: {_value(value)} {units.get(name, '')}".rstrip())
-    return ["", "## Method", "", *numbers] if numbers else []
+    lines += ["", "## Method", "", *numbers] if numbers else []
+    return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
 
 
 def _value(value: object) -> str:
@@ -103,9 +98,7 @@ class ResolutionDrawing:
         self._motions.log(stream)
         for chart in self._charts:
             chart.log(stream)
-        stream.set_time("motion", duration=0.0)
-        if len(self.end.motions) > 1:
-            stream.set_time("solution", sequence=0)
+        set_times(stream, motion=0.0, **({"solution": 0} if len(self.end.motions) > 1 else {}))
         self._log_whole(stream, first, self._points)
         stream.reset_time()
         for point in self._points:
@@ -114,15 +107,12 @@ class ResolutionDrawing:
         words = motion_text(self.scene, first, self.end)
         changes = np.flatnonzero(first.status[1:] != first.status[:-1]) + 1
         for step in [*([0] if first.status[0] != "done" else []), *changes[: DRAWING.walk]]:
-            stream.reset_time()
-            stream.set_time("motion", duration=float(first.time[step + 1] - first.time[0]))
+            set_times(stream, motion=float(first.time[step + 1] - first.time[0]))
             status = STATUSES.get(str(first.status[step]), str(first.status[step]))
             log_text(stream, screen_text(f"**From {first.time[step]:.4g} s on: {status}**") + f"\n\n{words}")
         for number, traces in enumerate(self.end.motions[1:], start=1):
-            stream.reset_time()
-            stream.set_time("solution", sequence=number)
+            set_times(stream, solution=number)
             self._log_whole(stream, traces, [traces.point])
-        stream.reset_time()
         self._layout.log(stream)
 
     def _log_whole(self, stream: rr.RecordingStream, traces: RecordedTraces, points: Sequence[RecordedPoint]) -> None:
@@ -134,9 +124,7 @@ class ResolutionDrawing:
             chart.draw(stream, traces.time, np.stack([_steps(curve) for curve in traces.criteria.T]))
         chart, rows = self._charts[0], np.flatnonzero(traces.status != "done") + 1  # ends of steps that are not done
         places = np.stack([traces.time[rows], _logarithm(traces.error)[rows]], axis=1)
-        radii = rr.Radius.ui_points(3.0)
-        marks = rr.Points2D(chart.canvas.place(places), colors=SCREEN.event, radii=radii, draw_order=3.0)
-        stream.log(f"{chart.entity}/marks", marks)
+        stream.log(f"{chart.entity}/marks", flat_dots(chart.canvas.place(places), SCREEN.event, 3.0, 3.0))
         for chart in self._all_charts:
             chart.log_cursor(stream, float(traces.time[len(traces.time) // 2]))
 
@@ -163,19 +151,15 @@ class ResolutionDrawing:
         """Charts with one curve per drawn motion; the task error is first."""
         scene, shown = self.scene, [self.end.motions[0], *self._thin_motions]
         time, several = shown[0].time, len(shown) > 1
-        curves: dict[str, tuple[str, list[np.ndarray]]] = {
-            "error": (f"log10 of the task error [{scene.error_unit}]", [_logarithm(each.error) for each in shown]),
-            "speed": (
-                f"commanded joint speed, all joints [{scene.speed_unit}]",
-                [_steps(each.speed) for each in shown],
-            ),
-        }
+        errors = f"log10 of the task error [{scene.error_unit}]", [_logarithm(each.error) for each in shown]
+        curves: dict[str, tuple[str, list[np.ndarray]]] = {"error": errors}
         for name, label in (
+            ("speed", f"commanded joint speed, all joints [{scene.speed_unit}]"),
             ("damping", f"damping [{scene.damping_unit}]"),
             ("repulsion", f"joint speed away from limits [{scene.speed_unit}]"),
         ):
             values = [_steps(getattr(each, name)) for each in shown]
-            if any(np.nanmax(np.abs(each), initial=0.0) > 0 for each in values):
+            if name == "speed" or any(np.nanmax(np.abs(each), initial=0.0) > 0 for each in values):
                 curves[name] = label, values
         if shown[0].clearance is not None:
             curves["clearance"] = "clearance [m]", [each.clearance for each in shown if each.clearance is not None]
@@ -200,16 +184,14 @@ class ResolutionDrawing:
         names, none = self.scene.criteria, np.zeros((0, 0))
         if not names:
             return None
-        shown = np.concatenate(
-            [np.stack([each.time, _steps(curve)], axis=1) for each in self.end.motions for curve in each.criteria.T]
-        )
+        curves = [(each.time, _steps(curve)) for each in self.end.motions for curve in each.criteria.T]
+        shown = np.concatenate([np.stack(each, axis=1) for each in curves])
         label, colours = f"speed from criteria [{self.scene.speed_unit}]", [SCREEN.joint(k) for k in range(len(names))]
         return Chart.over("time [s]", "criteria", label, np.zeros(0), none, colours, names=names, shown=shown)
 
     @property
     def _all_charts(self) -> list[Chart]:
-        criteria = [] if self._criteria_chart is None else [self._criteria_chart]
-        return [*self._charts, *criteria]
+        return self._charts if self._criteria_chart is None else [*self._charts, self._criteria_chart]
 
     @property
     def _layout(self) -> Layout:

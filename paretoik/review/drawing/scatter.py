@@ -6,15 +6,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, pairwise
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Float
 
-from paretoik.arrays import Ids, Objectives, Values
-from paretoik.review.drawing.axes import TEXT, Canvas, axis_ranges, entity_names, labels, screen_text, window
+from paretoik.arrays import Ids, Mask, Objectives
+from paretoik.review.drawing.axes import (
+    TEXT,
+    Canvas,
+    axis_ranges,
+    entity_names,
+    flat_dots,
+    flat_lines,
+    flat_view,
+    labels,
+    screen_text,
+    window,
+)
 from paretoik.review.drawing.label_places import joined_labels, label_area, label_lines, label_place, line_points
 from paretoik.review.outlines import NO_LINES, Lines
 from paretoik.review.palette import DRAWING, MARKS, SCREEN, VIEWS, Colour
@@ -24,6 +35,7 @@ from paretoik.review.recording.recorder import Generation, Population, SearchedF
 NO_POINTS = np.zeros((0, 2))
 Area = Float[np.ndarray, "area 2"]  # points [pixels] that labels avoid
 Bound = tuple[Float[np.ndarray, "2 2"], str, Float[np.ndarray, " 2"]]  # a line, its words and their middle [pixels]
+Points = Float[np.ndarray, "_ n_obj"]  # any number of points
 Pair = tuple[int, int]
 Layer = Literal["population", "final", "front", "chosen", "looked_at", "choice", "compared", "predicted"]
 LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, drawing order
@@ -38,65 +50,57 @@ LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, drawing 
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Panels:
-    """The panels of objectives with ``labels``: each pair (horizontal, vertical) and its cell in a grid."""
+def matrix(names: Sequence[str], shown: Objectives) -> list[tuple[Pair, Canvas]]:
+    """Return pairs of objectives (horizontal, vertical), each with a canvas that contains all finite points.
 
-    labels: tuple[str, ...]
-
-    @property
-    def pairs(self) -> list[Pair]:
-        """All pairs for up to five objectives, only neighbours for more; none for one objective."""
-        n_obj = len(self.labels)
-        return list(combinations(range(n_obj), 2) if n_obj <= DRAWING.matrix else pairwise(range(n_obj)))
-
-    def canvases(self, shown: Objectives) -> list[Canvas]:
-        """Return one canvas per pair, scaled to show `shown`; none if it has no finite point."""
-        shown = shown[np.isfinite(shown).all(axis=1)]
-        if len(shown) == 0 or not self.pairs:
-            return []
-        corners = [window(shown[:, list(pair)]) for pair in self.pairs]
-        return [self._canvas(number, low, high) for number, (low, high) in enumerate(corners)]
-
-    def bounds(self) -> rrb.VisualBounds2D:
-        """Return the bounds of the view that contains all panels."""
-        canvases = [self._canvas(number, np.zeros(2), np.ones(2)) for number in range(len(self.pairs))]
-        right = max(canvas.origin[0] + canvas.width for canvas in canvases) + TEXT.right
-        bottom = max(canvas.origin[1] + canvas.height for canvas in canvases) + TEXT.bottom + self._stagger
-        return rrb.VisualBounds2D(x_range=[-TEXT.left, right], y_range=[-TEXT.top, bottom])
-
-    def _canvas(self, number: int, low: Values, high: Values) -> Canvas:
-        first, second = self.pairs[number]
-        matrix = len(self.labels) <= DRAWING.matrix
-        count = len(self.labels) - 1
-        columns = count if matrix else int(np.ceil(np.sqrt(count)))
-        rows = count if matrix else int(np.ceil(count / columns))
-        column, row = (first, second - 1) if matrix else (number % columns, number // columns)
-        across, below = (12.0, 2.0 * TEXT.line) if matrix else (TEXT.left + 10.0, TEXT.top + TEXT.bottom)
-        width = (VIEWS.panels[0] - TEXT.left - TEXT.right - (columns - 1) * across) / columns
-        height = (VIEWS.panels[1] - TEXT.top - TEXT.bottom - self._stagger - (rows - 1) * below) / rows
-        return Canvas(
+    Up to five objectives have a panel for every pair, more only for neighbours, and one has none.
+    """
+    shown, count, whole = shown[np.isfinite(shown).all(axis=1)], len(names) - 1, len(names) <= DRAWING.matrix
+    if not len(shown) or not count:
+        return []
+    columns = count if whole else int(np.ceil(np.sqrt(count)))
+    rows = count if whole else int(np.ceil(count / columns))
+    across, below = (12.0, 2.0 * TEXT.line) if whole else (TEXT.left + 10.0, TEXT.top + TEXT.bottom)
+    is_tight = TEXT.character * max(map(len, names)) > VIEWS.panels[0] / count - 10.0
+    stagger = TEXT.line if is_tight and 1 < count < DRAWING.matrix else 0.0  # of every second lower label
+    width = (VIEWS.panels[0] - TEXT.left - TEXT.right - (columns - 1) * across) / columns
+    height = (VIEWS.panels[1] - TEXT.top - TEXT.bottom - stagger - (rows - 1) * below) / rows
+    panels = []
+    pairs = combinations(range(len(names)), 2) if whole else pairwise(range(len(names)))
+    for number, (first, second) in enumerate(pairs):
+        column, row = (first, second - 1) if whole else (number % columns, number // columns)
+        low, high = window(shown[:, [first, second]])
+        canvas = Canvas(
             low=low,
             high=high,
-            labels=(self.labels[first], self.labels[second]),
+            labels=(names[first], names[second]),
             width=width,
             height=height,
             origin=np.array([column * (width + across), row * (height + below)]),
-            ticked=(row == rows - 1, column == 0) if matrix else (True, True),
-            label_drop=self._stagger * (column % 2) if matrix else 0.0,
+            ticked=(row == rows - 1, column == 0) if whole else (True, True),
+            label_drop=stagger * (column % 2) if whole else 0.0,
             overhang=0.45 * across if columns > 1 else TEXT.right,
             right_edge=VIEWS.panels[0] - TEXT.left,
-            side_room=(columns - 1 - column) * (width + across) if matrix and column == row else 0.0,
+            side_room=(columns - 1 - column) * (width + across) if whole and column == row else 0.0,
         )
+        panels.append(((first, second), canvas))
+    return panels
 
-    @property
-    def _stagger(self) -> float:
-        """Distance by which every second lower label is moved down, if labels would overlap."""
-        count = len(self.labels) - 1
-        if not 1 < count < DRAWING.matrix:
-            return 0.0
-        room = VIEWS.panels[0] / count
-        return TEXT.line if TEXT.character * max(map(len, self.labels)) > room - 10.0 else 0.0
+
+class Panel(NamedTuple):
+    """The panel of a pair of objectives at an entity."""
+
+    pair: Pair
+    entity: list[str]
+    canvas: Canvas
+
+    def place(self, F: Population) -> Area:
+        """Return the positions [pixels] of points."""
+        return self.canvas.place(F[:, list(self.pair)])
+
+    def shows(self, F: Population) -> Mask:
+        """Return which points are in the window."""
+        return self.canvas.shows(F[:, list(self.pair)])
 
 
 def normalised(F: Objectives, reference: Population) -> Objectives:
@@ -110,7 +114,7 @@ def normalised(F: Objectives, reference: Population) -> Objectives:
     return normalised
 
 
-def replay_window(fronts: Sequence[Float[np.ndarray, "_ n_obj"]]) -> Objectives:
+def replay_window(fronts: Sequence[Points]) -> Objectives:
     """Return corners (2, n_obj) around the last of `fronts` and, if they are near, the earlier ones.
 
     An early front may be far away; the window reaches at most 1.5 final ranges beyond the final front.
@@ -123,98 +127,98 @@ def replay_window(fronts: Sequence[Float[np.ndarray, "_ n_obj"]]) -> Objectives:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scatter:
-    """The fronts of a ``scene`` on axes that contain all of ``shown``, below the entity ``root``."""
+    """The fronts of a ``scene`` on axes that contain all of ``shown``, below the entity ``root``.
+
+    Only the first panel has names of points. They avoid an area, points [pixels].
+    """
 
     scene: SearchedFront
     shown: Objectives
     root: tuple[str, ...] = ()
 
     @cached_property
-    def panels(self) -> Panels:
-        """The panels of pairs of objectives."""
+    def panels(self) -> list[Panel]:
+        """The panels; none without a finite point."""
         scene, is_step = self.scene, self.scene.timeline == "step"
         words = [f"{name}, share of its range" if is_step else scene.label(k) for k, name in enumerate(scene.names)]
-        return Panels(labels=tuple(map(screen_text, words)))
-
-    @cached_property
-    def canvases(self) -> list[tuple[Pair, list[str], Canvas]]:
-        """Each pair of objectives with the entity and the canvas of its panel; none without a finite point."""
-        finite = self.shown[np.isfinite(self.shown).all(axis=1)]
-        if self.scene.timeline == "step" and len(finite):  # shares of ranges
-            finite = np.array([[0.0], [1.0]]) * np.ones(len(self.scene.names))
-        names = entity_names(self.scene.names)
+        shown, names = self.shown[np.isfinite(self.shown).all(axis=1)], entity_names(scene.names)
+        if is_step and len(shown):  # shares of ranges
+            shown = np.array([[0.0], [1.0]]) * np.ones(len(names))
         return [
-            (pair, [*self.root, "front", f"{names[pair[0]]} - {names[pair[1]]}"], canvas)
-            for pair, canvas in zip(self.panels.pairs, self.panels.canvases(finite), strict=False)
+            Panel(pair, [*self.root, "front", f"{names[pair[0]]} - {names[pair[1]]}"], canvas)
+            for pair, canvas in matrix(list(map(screen_text, words)), shown)
         ]
+
+    def area(self, *values: Points) -> Area:
+        """Return the positions of points in the first panel."""
+        return self.panels[0].place(np.concatenate(values)) if self.panels else NO_POINTS
 
     def outside(self, F: Objectives) -> int:
         """Return how many points at least one panel does not show; 0 without panels."""
-        seen = [canvas.shows(F[:, list(pair)]) for pair, _, canvas in self.canvases]
-        return int((~np.all(seen, axis=0)).sum()) if seen else 0
+        return int((~np.all([panel.shows(F) for panel in self.panels], axis=0)).sum()) if self.panels else 0
 
     def shows_any(self, F: Objectives) -> bool:
         """Return whether any panel shows any of the points."""
-        return any(canvas.shows(F[:, list(pair)]).any() for pair, _, canvas in self.canvases)
+        return any(panel.shows(F).any() for panel in self.panels)
 
     def view(self) -> rrb.View | None:
         """Return the view of all pairs; None if nothing finite is shown."""
-        if not self.canvases:
+        if not self.panels:
             return None
-        return rrb.Spatial2DView(
-            origin=rr.new_entity_path([*self.root, "front"]),
-            name="front" if self.scene.timeline != "step" else "front, as shares of its ranges",
-            visual_bounds=self.panels.bounds(),
-            background=SCREEN.background,
-        )
+        canvases = [panel.canvas for panel in self.panels]
+        right = max(canvas.origin[0] + canvas.width for canvas in canvases) + TEXT.right
+        bottom = max(canvas.origin[1] + canvas.height for canvas in canvases) + TEXT.bottom
+        bottom += max(canvas.label_drop for canvas in canvases)
+        bounds = rrb.VisualBounds2D(x_range=[-TEXT.left, right], y_range=[-TEXT.top, bottom])
+        name = "front" if self.scene.timeline != "step" else "front, as shares of its ranges"
+        return flat_view(rr.new_entity_path([*self.root, "front"]), name, bounds)
 
     def log_axes(self, recording: rr.RecordingStream) -> None:
         """Draw all axes, for all times."""
-        for _, entity, canvas in self.canvases:
+        for _, entity, canvas in self.panels:
             canvas.log(recording, rr.new_entity_path(entity))
 
     def log_generation(
-        self, recording: rr.RecordingStream, generation: Generation, *, behind: Population | None = None
+        self, recording: rr.RecordingStream, generation: Generation, *, behind: Sequence[Points] = ()
     ) -> None:
         """Draw a generation at the current time, and record its exact numbers; labels also avoid points ``behind``."""
-        timeline = self.scene.timeline
-        reference = generation.front if timeline == "step" else None
-        self.log_points(recording, "population", generation.population, reference=reference)
-        self.log_points(recording, "front", generation.front, ids=generation.front_ids, reference=reference)
-        for pair, entity, canvas in self.canvases:
+        timeline, front, population = self.scene.timeline, generation.front, generation.population
+        reference = front if timeline == "step" else None
+        self.log_points(recording, "population", population, reference=reference)
+        self.log_points(recording, "front", front, ids=generation.front_ids, reference=reference)
+        for panel in self.panels:
             if timeline == "refinement":
-                moves = self._moves(canvas, pair, generation)
+                moves = self._moves(panel, generation)
                 style: Any = {"colors": SCREEN.moves, "radii": rr.Radius.ui_points(0.8), "draw_order": 1.5}
                 arrows = rr.Arrows2D(origins=moves[:, 0], vectors=moves[:, 1] - moves[:, 0], **style)
-                recording.log([*entity, "moves"], arrows)
+                recording.log([*panel.entity, "moves"], arrows)
             elif timeline == "level":
-                bounds = self._bounds(canvas, pair, generation)
-                ends, middles = [line for line, _, _ in bounds], [NO_POINTS, *(each[None] for _, _, each in bounds)]
-                lines = rr.LineStrips2D(ends, colors=SCREEN.epsilon, radii=rr.Radius.ui_points(1.0), draw_order=0.5)
-                recording.log([*entity, "epsilon"], lines)
-                names = labels([words for _, words, _ in bounds], np.concatenate(middles), SCREEN.epsilon)
-                recording.log([*entity, "epsilon", "names"], names)
+                bounds = self._bounds(panel, generation)
+                middles = np.concatenate([NO_POINTS, *(middle[None] for _, _, middle in bounds)])
+                lines = flat_lines([line for line, _, _ in bounds], SCREEN.epsilon, 1.0, 0.5)
+                recording.log([*panel.entity, "epsilon"], lines)
+                names = labels([words for _, words, _ in bounds], middles, SCREEN.epsilon)
+                recording.log([*panel.entity, "epsilon", "names"], names)
         if generation.chosen is not None:
             self.log_points(recording, "chosen", generation.chosen[None], reference=reference)
             self.log_label(recording, "chosen", generation.chosen[None], "")
         of = f" of level {generation.number}" if timeline == "level" else ""  # the final front renumbers
-        everything = np.concatenate([generation.front, generation.population, *([] if behind is None else [behind])])
-        taken = self.line_points(generation)
-        self.log_marked(recording, generation.points, of=of, avoided=everything, taken=taken)
+        avoid = np.concatenate([self.area(front, population, *behind), self.lines(generation)])
+        self.log_marked(recording, generation.points, of=of, avoid=avoid)
 
     def log_note(self, recording: rr.RecordingStream, words: str) -> None:
         """Write a note into every panel at the current time; without words, remove it."""
-        for _, entity, canvas in self.canvases:
+        for _, entity, canvas in self.panels:
             middle = canvas.origin + 0.5 * np.array([canvas.width, canvas.height])
             recording.log([*entity, "note"], labels([words], middle[None]) if words else rr.Points2D([]))
 
-    def line_points(self, generation: Generation) -> Area:
-        """Return points [pixels] on the lines of a generation in the first panel, which has the labels of points."""
-        for pair, _, canvas in self.canvases[:1]:
+    def lines(self, generation: Generation) -> Area:
+        """Return the area of a generation's lines and their names."""
+        for panel in self.panels[:1]:
             if self.scene.timeline == "refinement":
-                return line_points(self._moves(canvas, pair, generation))
+                return line_points(self._moves(panel, generation))
             if self.scene.timeline == "level":
-                bounds = self._bounds(canvas, pair, generation)
+                bounds = self._bounds(panel, generation)
                 areas = [label_area(middle, words) for _, words, middle in bounds]
                 return np.concatenate([line_points(np.array([line for line, _, _ in bounds])), *areas])
         return NO_POINTS
@@ -234,19 +238,12 @@ class Scatter:
 
         Points outside a window are not drawn, but their numbers are recorded. ``names`` are visible under the mouse.
         """
-        colour, radius, order = LAYERS[layer]
         drawn = F if reference is None else normalised(F, reference)
-        for pair, entity, canvas in self.canvases:
-            seen = canvas.shows(drawn[:, list(pair)])
-            points = rr.Points2D(
-                canvas.place(drawn[seen][:, list(pair)]),
-                colors=colour,
-                radii=rr.Radius.ui_points(radius),
-                labels=None if names is None else [names[row] for row in np.flatnonzero(seen).tolist()],
-                show_labels=False,
-                draw_order=order,
-            )
-            recording.log([*entity, layer], points, static=static)
+        for panel in self.panels:
+            seen = panel.shows(drawn)
+            words = None if names is None else [names[row] for row in np.flatnonzero(seen).tolist()]
+            points = flat_dots(panel.place(drawn[seen]), *LAYERS[layer], labels=words, show_labels=False)
+            recording.log([*panel.entity, layer], points, static=static)
         if layer != "final":
             numbers: dict[str, Any] = {} if ids is None else {"ids": ids}
             values = rr.AnyValues(F=F.ravel(), n_obj=F.shape[1], **numbers)
@@ -259,117 +256,87 @@ class Scatter:
         F: Objectives,
         words: str,
         *,
-        avoided: Population | None = None,
-        taken: Area = NO_POINTS,
+        avoid: Area = NO_POINTS,
         lines: Lines = NO_LINES,
         static: bool = False,
     ) -> None:
-        """Label the point F (1, n_obj) of a layer in the first panel; without words, remove the label.
-
-        The label covers as few as possible of the points ``avoided`` and ``taken`` [pixels]; its line crosses none of
-        ``lines``.
-        """
-        for pair, entity, canvas in self.canvases[:1]:
-            marks = canvas.place(F[:, list(pair)][canvas.shows(F[:, list(pair)])]) if words else NO_POINTS
-            others = np.concatenate([F, F[:0] if avoided is None else avoided])[:, list(pair)]
-            others = np.concatenate([canvas.place(others), taken])
-            middles = [label_place(canvas, mark, words, others, lines) for mark in marks]
+        """Label the point F (1, n_obj) of a layer; without words, remove the label."""
+        for panel in self.panels[:1]:
+            marks = panel.place(F[panel.shows(F)]) if words else NO_POINTS
+            others = np.concatenate([panel.place(F), avoid])
+            middles = [label_place(panel.canvas, mark, words, others, lines) for mark in marks]
             label = joined_labels(marks, middles, [words] * len(marks), LAYERS[layer][0])
-            recording.log([*entity, layer, "name"], *label, static=static)
+            recording.log([*panel.entity, layer, "name"], *label, static=static)
 
     def log_marked(
-        self,
-        recording: rr.RecordingStream,
-        points: Sequence[RecordedPoint],
-        *,
-        of: str = "",
-        avoided: Population,
-        taken: Area,
+        self, recording: rr.RecordingStream, points: Sequence[RecordedPoint], *, of: str = "", avoid: Area
     ) -> None:
         """Draw the best points of the objectives in their colours, and the chosen one.
 
-        If several coincide, or one coincides with the chosen one, each mark is a ring around the next. Their labels
-        avoid ``avoided`` and ``taken`` [pixels]. ``of``: words after their ids, such as " of level 3".
+        If several coincide, or one coincides with the chosen one, each mark is a ring around the next.
+        ``of``: words after their ids, such as " of level 3".
         """
         ends = [row for row, point in enumerate(points) if point.axis is not None]
         chosen = [row for row, point in enumerate(points) if point.axis is None]
-        words = [self._best_words(points, row) for row in range(len(points))]
-        for number, (pair, entity, canvas) in enumerate(self.canvases if ends else ()):
-            places = np.array([point.objectives[list(pair)] for point in points])
-            at = canvas.place(places)
-            marks = [row for row in ends if canvas.shows(places[row, None])[0]]
+        words = [self._best_words(points, point) for point in points]
+        for panel in self.panels if ends else ():
+            places = np.array([point.objectives for point in points])
+            at, seen = panel.place(places), panel.shows(places)
+            marks = [row for row in ends if seen[row]]
             near = np.linalg.norm(at[marks, None] - at[[*marks, *chosen]], axis=2) < MARKS.end
-            markers = rr.Points2D(
-                at[marks],
-                colors=[SCREEN.end(points[row].axis or 0) for row in marks],
-                # a later mark is drawn above, the chosen point above all
-                radii=rr.Radius.ui_points(MARKS.end + MARKS.ring * np.triu(near, k=1).sum(axis=1)),
-                labels=[f"point {points[row].id}{of}, {', '.join(words[row].splitlines())}" for row in marks],
-                show_labels=False,
-                draw_order=3.0,
-            )
-            recording.log([*entity, "ends"], markers)
-            if number == 0:  # names of points that are best in several objectives
+            # a later mark is drawn above, the chosen point above all
+            radii = MARKS.end + MARKS.ring * np.triu(near, k=1).sum(axis=1)
+            said = [f"point {points[row].id}{of}, {', '.join(words[row].splitlines())}" for row in marks]
+            colours = [SCREEN.end(points[row].axis or 0) for row in marks]
+            markers = flat_dots(at[marks], colours, radii, 3.0, labels=said, show_labels=False)
+            recording.log([*panel.entity, "ends"], markers)
+            if panel is self.panels[0]:  # names of points that are best in several objectives
                 shared = {words[row]: row for row in marks if "\n" in words[row]}
                 own = {points[row].id for row in chosen}
                 named = [row for row in shared.values() if points[row].id not in own]
-                others = np.concatenate([at, canvas.place(avoided[:, list(pair)]), taken])
-                middles = [label_place(canvas, at[row], words[row], others) for row in named]
+                others = np.concatenate([at, avoid])
+                middles = [label_place(panel.canvas, at[row], words[row], others) for row in named]
                 label = joined_labels(at[named], middles, [words[row] for row in named], SCREEN.text)
-                recording.log([*entity, "ends", "names"], *label)
+                recording.log([*panel.entity, "ends", "names"], *label)
         for row in chosen:
             F, name = points[row].objectives[None], f"point {points[row].id}{of}"
             self.log_points(recording, "chosen", F, ids=np.array([points[row].id]), names=[name])
-            said = f"{name}\n{words[row]}".rstrip()
-            self.log_label(recording, "chosen", F, said, avoided=avoided, taken=taken)
+            self.log_label(recording, "chosen", F, f"{name}\n{words[row]}".rstrip(), avoid=avoid)
 
     def log_looked_at(
-        self,
-        recording: rr.RecordingStream,
-        point: RecordedPoint,
-        *,
-        avoided: Population,
-        marked: Sequence[RecordedPoint],
-        taken: Area,
+        self, recording: rr.RecordingStream, point: RecordedPoint, *, marked: Sequence[RecordedPoint], avoid: Area
     ) -> None:
-        """Mark a point that is looked at, next to the chosen one and the best of the objectives.
-
-        Its label avoids ``avoided``, ``taken`` and the label of the chosen point among the ``marked`` ones; the chosen
-        point itself keeps its label.
-        """
+        """Mark a point that is looked at, next to the chosen one and the best of the objectives."""
         F, name, lines = point.objectives[None], f"point {point.id}", NO_LINES
         words = name
-        for row, each in enumerate(marked):
-            if each.axis is None:
-                words = "" if each.id == point.id else name
-                said = f"point {each.id}\n{self._best_words(marked, row)}".rstrip()
-                for pair, _, canvas in self.canvases[:1]:
-                    places = np.concatenate([each.objectives[None], avoided])[:, list(pair)]
-                    if canvas.shows(places[:1])[0]:
-                        at = canvas.place(places)
-                        middle = label_place(canvas, at[0], said, np.concatenate([at, taken]))
-                        taken = np.concatenate([taken, label_area(middle, said)])
-                        lines = label_lines(at[0], middle, said)
+        for each in (each for each in marked if each.axis is None):
+            words = "" if each.id == point.id else name
+            said = f"point {each.id}\n{self._best_words(marked, each)}".rstrip()
+            for panel in self.panels[:1]:
+                if panel.shows(each.objectives[None])[0]:
+                    at = panel.place(each.objectives[None])
+                    middle = label_place(panel.canvas, at[0], said, np.concatenate([at, avoid]))
+                    avoid = np.concatenate([avoid, label_area(middle, said)])
+                    lines = label_lines(at[0], middle, said)
         self.log_points(recording, "looked_at", F, ids=np.array([point.id]), names=[name])
-        self.log_label(recording, "looked_at", F, words, avoided=avoided, taken=taken, lines=lines)
+        self.log_label(recording, "looked_at", F, words, avoid=avoid, lines=lines)
 
-    def _best_words(self, points: Sequence[RecordedPoint], row: int) -> str:
-        """Return the objectives in which a row's point is best, one per line."""
-        same = [point.axis for point in points if point.axis is not None and point.id == points[row].id]
+    def _best_words(self, points: Sequence[RecordedPoint], one: RecordedPoint) -> str:
+        """Return the objectives in which a point is best, one per line."""
+        same = [point.axis for point in points if point.axis is not None and point.id == one.id]
         return "\n".join(f"best {screen_text(self.scene.names[axis])}" for axis in same)
 
-    def _moves(self, canvas: Canvas, pair: Pair, generation: Generation) -> Float[np.ndarray, "moves 2 2"]:
+    def _moves(self, panel: Panel, generation: Generation) -> Float[np.ndarray, "moves 2 2"]:
         """Return the move of each refined point from its origin as a line [pixels]; none without origins."""
-        front = generation.front[:, list(pair)]
-        origins = front[:0] if generation.origins is None else generation.origins[:, list(pair)]
-        ends = front[: len(origins)]
-        seen = canvas.shows(origins) & canvas.shows(ends)
-        return np.stack([canvas.place(origins[seen]), canvas.place(ends[seen])], axis=1)
+        origins = generation.front[:0] if generation.origins is None else generation.origins
+        ends = generation.front[: len(origins)]
+        seen = panel.shows(origins) & panel.shows(ends)
+        return np.stack([panel.place(origins[seen]), panel.place(ends[seen])], axis=1)
 
-    def _bounds(self, canvas: Canvas, pair: Pair, generation: Generation) -> list[Bound]:
+    def _bounds(self, panel: Panel, generation: Generation) -> list[Bound]:
         """Return the finite bounds ε of a level's two objectives that a panel shows, each with words at its end."""
-        scene, lines, words = self.scene, list[np.ndarray](), list[str]()
-        for place, axis in enumerate(pair if generation.epsilon is not None else ()):
+        scene, canvas, lines, words = self.scene, panel.canvas, list[np.ndarray](), list[str]()
+        for place, axis in enumerate(panel.pair if generation.epsilon is not None else ()):
             bound = float(generation.epsilon[axis])  # type: ignore[index]
             if np.isfinite(bound) and canvas.low[place] <= bound <= canvas.high[place]:
                 line = np.stack([canvas.low, canvas.high])

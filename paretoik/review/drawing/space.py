@@ -18,7 +18,7 @@ from jaxtyping import Float
 from rerun.urdf import UrdfTree
 
 from paretoik.arrays import Vector3
-from paretoik.review.drawing.axes import Canvas, equal_window, nice_ticks, screen_text, tick_text
+from paretoik.review.drawing.axes import Canvas, equal_window, flat_view, nice_ticks, screen_text, tick_text
 from paretoik.review.palette import DRAWING, SCENES, SCREEN, VIEWS
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import Pose
@@ -99,20 +99,14 @@ class Ground:
         strips = rr.LineStrips3D([*lines, *upright, *marks], colors=colours, radii=rr.Radius.ui_points(0.7))
         recording.log(f"{entity}/grid", strips, static=True)
         places, words = self._labels
-        text = rr.Points3D(
-            places,
-            labels=words,
-            show_labels=True,
-            colors=[SCREEN.frame] * (len(words) - 3) + [SCREEN.text] * 3,
-            radii=rr.Radius.ui_points(0.0),
-        )
+        colours, none = [SCREEN.frame] * (len(words) - 3) + [SCREEN.text] * 3, rr.Radius.ui_points(0.0)
+        text = rr.Points3D(places, labels=words, show_labels=True, colors=colours, radii=none)
         recording.log(f"{entity}/labels", text, static=True)
 
     def eye(self) -> rrb.EyeControls3D:
         """Return an eye in front, to the right and above that sees everything with its labels."""
-        corners = np.array(
-            [(x, y, self.low[2]) for x in (self.low[0], self.high[0]) for y in (self.low[1], self.high[1])]
-        )
+        (x0, y0, z0), (x1, y1, _) = self.low, self.high
+        corners = np.array([(x0, y0, z0), (x0, y1, z0), (x1, y0, z0), (x1, y1, z0)])
         return fitting_eye(np.concatenate([self.seen, corners, self._labels[0]]))
 
     @cached_property
@@ -149,11 +143,11 @@ class Stage:
 
     def view(self, name: str, contents: Sequence[str] = ()) -> rrb.View:
         """Return the view, with further ``contents`` in space."""
-        settings: Any = {"origin": self.entity, "name": screen_text(name), "background": SCREEN.background}
         if self.planar:
-            return rrb.Spatial2DView(visual_bounds=self.canvas.bounds(), **settings)
+            return flat_view(self.entity, screen_text(name), self.canvas.bounds())
+        settings: Any = {"name": screen_text(name), "background": SCREEN.background, "line_grid": False}
         shown = ["+ $origin/**", *contents]
-        return rrb.Spatial3DView(contents=shown, line_grid=False, eye_controls=self.ground.eye(), **settings)
+        return rrb.Spatial3DView(origin=self.entity, contents=shown, eye_controls=self.ground.eye(), **settings)
 
     def log_axes(self, recording: rr.RecordingStream) -> None:
         """Draw the axes, for all times."""

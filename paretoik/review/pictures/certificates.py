@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from paretoik.errors import InvalidInput
-from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.review.palette import PAPER
 from paretoik.review.pictures.fronts import draw_jumps, label, picture, warn_below
@@ -49,60 +47,47 @@ def certificates_picture(front: Front, file: Path | str) -> None:
     """
     if front.certificates is None:
         raise InvalidInput("certificates_picture: front must have certificates, got none: use pk.refine first")
-    certificates = front.certificates
+    certificates, places = front.certificates, np.arange(len(front))
     pairs = list(combinations(range(len(front.names)), 2))[: STYLE.pairs]
     with picture(file, (3.3 * (len(pairs) + 2), 3.2)) as figure:
-        panels = np.atleast_1d(figure.subplots(1, len(pairs) + 2))
-        for axes, pair in zip(panels, pairs, strict=False):
-            _draw_trade(axes, front, certificates, pair)
-        _draw_residuals(panels[-2], certificates)
-        _draw_weights(panels[-1], front.names, certificates)
+        *trades, residuals, weights = np.atleast_1d(figure.subplots(1, len(pairs) + 2))
+        for axes, (i, j) in zip(trades, pairs, strict=True):  # two objectives, with a line for every exchange rate
+            (x, y), slopes = front.objectives[:, [i, j]].T, certificates.exchange_rates[:, i, j]
+            width = np.maximum([np.ptp(x), np.ptp(y)], 1e-300)
+            # same length in the picture for every slope
+            half_length = STYLE.tangent / np.hypot(1.0 / width[0], slopes / width[1])
+            for status, marker in STYLE.markers.items():
+                rows = certificates.status == status
+                if rows.any():
+                    said = f"{rows.sum()} {status}"
+                    axes.plot(x[rows], y[rows], linestyle="none", markersize=4, label=said, **marker)
+            for a, b, slope, step in zip(x, y, slopes, half_length, strict=True):
+                if np.isfinite(slope):
+                    ends = [a - step, a + step], [b - slope * step, b + slope * step]
+                    axes.plot(*ends, color=PAPER.quiet, linewidth=0.9, zorder=1)
+            draw_jumps(axes, front)
+            axes.set(xlabel=label(front, i), ylabel=label(front, j))
+            axes.locator_params(nbins=5)
+            axes.margins(0.12)
+            axes.legend(frameon=False, handletextpad=0.2)
+        for values, name, colour in (
+            (certificates.criticality, "criticality", PAPER.accents[1]),
+            (certificates.violation, "violation", PAPER.accents[0]),
+            (certificates.violation_between, "between samples", PAPER.quiet),
+        ):
+            shown = values > STYLE.floor
+            legend = name if shown.any() else f"{name}: none"
+            residuals.plot(places[shown], values[shown], ".", color=colour, markersize=6, label=legend)
+        for tolerance, colour in ((STYLE.critical, PAPER.accents[1]), (STYLE.feasible, PAPER.accents[0])):
+            residuals.axhline(tolerance, color=colour, linewidth=0.7, linestyle=":")
+        ranges: Any = {"ylim": (STYLE.floor, 1.0), "xlim": (-0.5, len(places) - 0.5)}
+        residuals.set(yscale="log", xlabel="point", ylabel="share of a range", **ranges)
+        residuals.legend(frameon=False, handletextpad=0.3)
+        bottom = np.zeros(len(places))
+        for k, (name, values) in enumerate(zip(front.names, certificates.weights.T, strict=True)):
+            weights.bar(places, values, bottom=bottom, width=0.9, color=PAPER.accent(k), label=name)
+            bottom = bottom + values
+        weights.set(xlabel="point", ylabel="weight over its range", ylim=(0.0, 1.0), xlim=(-0.5, len(places) - 0.5))
+        weights.grid(visible=False)
+        weights.legend(frameon=True, framealpha=0.9, edgecolor="none", loc="upper center")
         warn_below(figure, describe_limits_between(front))
-
-
-def _draw_trade(axes: Axes, front: Front, certificates: Certificates, pair: tuple[int, int]) -> None:
-    (i, j), (x, y) = pair, front.objectives[:, pair].T
-    width = np.maximum([np.ptp(x), np.ptp(y)], 1e-300)
-    slopes = certificates.exchange_rates[:, i, j]
-    # same length in the picture for every slope
-    half_length = STYLE.tangent / np.hypot(1.0 / width[0], slopes / width[1])
-    for status, marker in STYLE.markers.items():
-        rows = certificates.status == status
-        if rows.any():
-            axes.plot(x[rows], y[rows], linestyle="none", markersize=4, label=f"{rows.sum()} {status}", **marker)
-    for a, b, slope, step in zip(x, y, slopes, half_length, strict=True):
-        if np.isfinite(slope):
-            ends = [a - step, a + step], [b - slope * step, b + slope * step]
-            axes.plot(*ends, color=PAPER.quiet, linewidth=0.9, zorder=1)
-    draw_jumps(axes, front)
-    axes.set(xlabel=label(front, i), ylabel=label(front, j))
-    axes.locator_params(nbins=5)
-    axes.margins(0.12)
-    axes.legend(frameon=False, handletextpad=0.2)
-
-
-def _draw_residuals(axes: Axes, certificates: Certificates) -> None:
-    places = np.arange(len(certificates))
-    for values, name, colour in (
-        (certificates.criticality, "criticality", PAPER.accents[1]),
-        (certificates.violation, "violation", PAPER.accents[0]),
-        (certificates.violation_between, "between samples", PAPER.quiet),
-    ):
-        shown = values > STYLE.floor
-        legend = name if shown.any() else f"{name}: none"
-        axes.plot(places[shown], values[shown], ".", color=colour, markersize=6, label=legend)
-    for tolerance, colour in ((STYLE.critical, PAPER.accents[1]), (STYLE.feasible, PAPER.accents[0])):
-        axes.axhline(tolerance, color=colour, linewidth=0.7, linestyle=":")
-    ranges: Any = {"ylim": (STYLE.floor, 1.0), "xlim": (-0.5, len(places) - 0.5)}
-    axes.set(yscale="log", xlabel="point", ylabel="share of a range", **ranges)
-    axes.legend(frameon=False, handletextpad=0.3)
-
-
-def _draw_weights(axes: Axes, names: Sequence[str], certificates: Certificates) -> None:
-    places, bottom = np.arange(len(certificates)), np.zeros(len(certificates))
-    for k, (name, weights) in enumerate(zip(names, certificates.weights.T, strict=True)):
-        axes.bar(places, weights, bottom=bottom, width=0.9, color=PAPER.accent(k), label=name)
-        bottom = bottom + weights
-    axes.set(xlabel="point", ylabel="weight over its range", ylim=(0.0, 1.0), xlim=(-0.5, len(places) - 0.5))
-    axes.grid(visible=False)
-    axes.legend(frameon=True, framealpha=0.9, edgecolor="none", loc="upper center")

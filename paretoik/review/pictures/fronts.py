@@ -119,6 +119,21 @@ class Highlight:
     reason: str
 
 
+def highlighted(front: Front, choice: Choice | None) -> list[Highlight]:
+    """Return the best point of each of the first objectives, and the `choice` or else the compromise."""
+    if len(front) == 0:
+        return []
+    reasons: dict[int, str] = {}
+    for row, name in zip(best_rows(front.minimised[:, :3], front.ids), front.names, strict=False):
+        reasons.setdefault(row, f"best {name}")
+    if choice is not None:
+        reasons[choice.index] = "chosen"
+    else:
+        reasons.setdefault(compromise(front).index, "compromise")
+    rows = sorted(reasons)
+    return [Highlight(index=row, colour=PAPER.accent(n), reason=reasons[row]) for n, row in enumerate(rows)]
+
+
 def front_picture(front: Front, file: Path | str, choice: Choice | None = None) -> None:
     """Write a PNG of `front` and, if it has motions, of the best ones.
 
@@ -128,7 +143,7 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
     shown as values, two and three as scatters, more as parallel coordinates; in two, a line joins neighbours on one
     branch of optima, and jumps are dotted (``Front.jumps``). Raises InvalidInput if writing fails.
     """
-    highlights = _highlights(front, choice)
+    highlights = highlighted(front, choice)
     many, stored = len(front.names) > 2, front.motions
     size = ((9.6, 3.2) if many else (4.2, 3.4)) if stored is None else ((9.6, 6.0) if many else (11.0, 3.3))
     with picture(file, size) as figure:
@@ -136,16 +151,24 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
             _draw_front(figure, front, highlights)
             return
         grid: Any = {"nrows": 2} if many else {"ncols": 2, "width_ratios": [1.0, 2.0]}
-        trade_off, motions = parts(figure, **grid)
+        trade_off, below = parts(figure, **grid)
         _draw_front(trade_off, front, highlights)
         titles = [(f"point {front.ids[point.index]}, {_text(point.reason)}", point.colour) for point in highlights]
         rows = [point.index for point in highlights]
-        if isinstance(stored, StoredMotions):
-            _draw_joints(motions, [stored[row] for row in rows], titles)
-            warn_below(figure, WITHOUT_ARM)
-        else:
-            draw_motions(motions, [stored[row] for row in rows], titles)
+        motions: list[Any] = [stored[row] for row in rows]
+        if not isinstance(stored, StoredMotions):
+            draw_motions(below, motions, titles)
             warn_below(figure, describe_limits_between(front, rows))
+            return
+        panels = np.atleast_1d(below.subplots(1, len(motions), sharex=True, sharey=True))
+        for axes, motion, (title, colour) in zip(panels, motions, titles, strict=True):
+            for joint, positions in zip(motion.arm.joint_names, np.transpose(motion.q), strict=True):
+                axes.plot(motion.time, positions, label=_text(joint))
+            axes.set_title(title, color=colour)
+            axes.set_xlabel("time [s]")
+        panels[0].set_ylabel("joint position [rad or m]")
+        panels[-1].legend(frameon=False, fontsize="small")
+        warn_below(figure, WITHOUT_ARM)
 
 
 @contextmanager
@@ -195,10 +218,7 @@ def draw_jumps(axes: Axes, front: Front) -> None:
 
 
 def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> None:
-    """Draw a single `motion`: its obstacles, some postures, later ones darker, and its tool path.
-
-    The axes must be three-dimensional for an arm that is not planar.
-    """
+    """Draw a single `motion`: its obstacles, some postures, later ones darker, and its tool path."""
     draw_obstacles(axes, motion)
     size = 2 if motion.arm.is_planar else 3
     links, tool = motion.links[..., :size], motion.tool[..., :size]
@@ -230,93 +250,63 @@ def label_arm(axes: Any, *, planar: bool) -> None:
     axes.set_box_aspect(None, zoom=0.76)
 
 
-def _highlights(front: Front, choice: Choice | None) -> list[Highlight]:
-    if len(front) == 0:
-        return []
-    reasons: dict[int, str] = {}
-    for row, name in zip(best_rows(front.minimised[:, :3], front.ids), front.names, strict=False):
-        reasons.setdefault(row, f"best {name}")
-    if choice is not None:
-        reasons[choice.index] = "chosen"
-    else:
-        reasons.setdefault(compromise(front).index, "compromise")
-    ordered = sorted(reasons.items())
-    return [
-        Highlight(index=index, colour=PAPER.accents[n % 4], reason=reason) for n, (index, reason) in enumerate(ordered)
-    ]
-
-
 def _draw_front(figure: Figure | SubFigure, front: Front, highlights: Sequence[Highlight]) -> None:
+    n_obj, ids = len(front.names), front.ids
     if len(front) == 0:
         figure.text(0.5, 0.5, "no feasible point", ha="center", color=PAPER.quiet)
-    elif len(front.names) == 1:
-        _draw_values(figure.subplots(), front, highlights)
-    elif len(front.names) <= 3:
-        pairs = list(combinations(range(len(front.names)), 2))
-        for axes, pair in zip(np.atleast_1d(figure.subplots(1, len(pairs))), pairs, strict=True):
-            _draw_pair(axes, front, pair, highlights)
-    else:
-        _draw_parallel(figure.subplots(), front, highlights)
-
-
-def _draw_values(axes: Axes, front: Front, highlights: Sequence[Highlight]) -> None:
-    places = np.arange(len(front))
-    axes.plot(front.objectives[:, 0], places, color=PAPER.quiet, linestyle="none", marker="o", markersize=4)
-    for point in highlights:
-        value = front.objectives[point.index, 0]
-        axes.plot(value, point.index, color=point.colour, marker="o", markersize=8)
-        axes.annotate(f"{value:.4g}", (value, point.index), (0, 9), textcoords="offset points", ha="center")
-    axes.set(xlabel=label(front, 0), ylabel="point", yticks=places, yticklabels=[str(number) for number in front.ids])
-    axes.margins(0.2)
-
-
-def _draw_pair(axes: Axes, front: Front, pair: tuple[int, int], highlights: Sequence[Highlight]) -> None:
-    x, y = front.objectives[:, pair[0]], front.objectives[:, pair[1]]
-    axes.plot(x, y, color=PAPER.quiet, linestyle="none", marker="o", markersize=3.6, markeredgewidth=0)
-    if front.jumps is not None:
-        first_rows = [i + 1 for i, each in enumerate(pairwise(front.ids.tolist())) if each in front.jumps]
-        for rows in np.split(np.arange(len(front)), first_rows):
-            axes.plot(x[rows], y[rows], color=PAPER.quiet, linewidth=0.8, zorder=1)
-    if front.jumps:
-        draw_jumps(axes, front)
-        axes.legend(frameon=False, loc="upper right")
-    for point in highlights:
-        spot = (x[point.index], y[point.index])
-        axes.plot(*spot, color=point.colour, marker="o", markersize=7.5, markeredgecolor="white")
-    axes.set(xlabel=label(front, pair[0]), ylabel=label(front, pair[1]))
-    axes.locator_params(nbins=5)
-    axes.margins(0.09)
-    named = [(each.index, str(front.ids[each.index]), each.colour) for each in highlights]
-    name_points(axes, np.stack([x, y], axis=1), named)
-
-
-def _draw_parallel(axes: Axes, front: Front, highlights: Sequence[Highlight]) -> None:
-    """Draw one line per point across one axis per objective, with the best value of each at the bottom."""
-    places = np.arange(len(front.names))
-    axes.plot(places, front.shares.T, color=PAPER.quiet, alpha=0.35, linewidth=0.8)
-    for point in highlights:
-        shares = front.shares[point.index]
-        axes.plot(
-            places, shares, color=point.colour, linewidth=2.2, label=f"point {front.ids[point.index]}, {point.reason}"
-        )
-    low, high = np.where(front.maximised, front.ranges.T[::-1], front.ranges.T)
-    for place, best, worst in zip(places, low, high, strict=True):
-        axes.annotate(f"{best:.3g}", (place, 0.0), (0, -11), textcoords="offset points", ha="center", color=PAPER.quiet)
-        axes.annotate(f"{worst:.3g}", (place, 1.0), (0, 5), textcoords="offset points", ha="center", color=PAPER.quiet)
-    axes.set_xticks(places, [label(front, axis) for axis in range(len(places))])
-    axes.set(ylabel="worst above, best below", yticks=[], ylim=(-0.02, 1.02))
-    axes.spines[["bottom", "left"]].set_visible(False)
-    axes.tick_params(axis="x", pad=14, length=0)
-    axes.grid(axis="y", visible=False)
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    elif n_obj == 1:
+        axes, places = figure.subplots(), np.arange(len(front))
+        axes.plot(front.objectives[:, 0], places, color=PAPER.quiet, linestyle="none", marker="o", markersize=4)
+        for point in highlights:
+            value = front.objectives[point.index, 0]
+            axes.plot(value, point.index, color=point.colour, marker="o", markersize=8)
+            axes.annotate(f"{value:.4g}", (value, point.index), (0, 9), textcoords="offset points", ha="center")
+        axes.set(xlabel=label(front, 0), ylabel="point", yticks=places, yticklabels=[str(number) for number in ids])
+        axes.margins(0.2)
+    elif n_obj <= 3:
+        pairs = list(combinations(range(n_obj), 2))
+        for axes, (i, j) in zip(np.atleast_1d(figure.subplots(1, len(pairs))), pairs, strict=True):
+            x, y = front.objectives[:, [i, j]].T
+            axes.plot(x, y, color=PAPER.quiet, linestyle="none", marker="o", markersize=3.6, markeredgewidth=0)
+            if front.jumps is not None:
+                first_rows = [i + 1 for i, each in enumerate(pairwise(ids.tolist())) if each in front.jumps]
+                for rows in np.split(np.arange(len(front)), first_rows):
+                    axes.plot(x[rows], y[rows], color=PAPER.quiet, linewidth=0.8, zorder=1)
+            if front.jumps:
+                draw_jumps(axes, front)
+                axes.legend(frameon=False, loc="upper right")
+            for point in highlights:
+                spot = (x[point.index], y[point.index])
+                axes.plot(*spot, color=point.colour, marker="o", markersize=7.5, markeredgecolor="white")
+            axes.set(xlabel=label(front, i), ylabel=label(front, j))
+            axes.locator_params(nbins=5)
+            axes.margins(0.09)
+            named = [(each.index, str(ids[each.index]), each.colour) for each in highlights]
+            name_points(axes, np.stack([x, y], axis=1), named)
+    else:  # one line per point across one axis per objective, with the best value of each at the bottom
+        axes, places = figure.subplots(), np.arange(n_obj)
+        axes.plot(places, front.shares.T, color=PAPER.quiet, alpha=0.35, linewidth=0.8)
+        for point in highlights:
+            words = f"point {ids[point.index]}, {point.reason}"
+            axes.plot(places, front.shares[point.index], color=point.colour, linewidth=2.2, label=words)
+        low, high = np.where(front.maximised, front.ranges.T[::-1], front.ranges.T)
+        style: Any = {"textcoords": "offset points", "ha": "center", "color": PAPER.quiet}
+        for place, best, worst in zip(places, low, high, strict=True):
+            axes.annotate(f"{best:.3g}", (place, 0.0), (0, -11), **style)
+            axes.annotate(f"{worst:.3g}", (place, 1.0), (0, 5), **style)
+        axes.set_xticks(places, [label(front, axis) for axis in range(n_obj)])
+        axes.set(ylabel="worst above, best below", yticks=[], ylim=(-0.02, 1.02))
+        axes.spines[["bottom", "left"]].set_visible(False)
+        axes.tick_params(axis="x", pad=14, length=0)
+        axes.grid(axis="y", visible=False)
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
 
 def draw_motions(figure: Figure | SubFigure, motions: Sequence[Any], titles: Sequence[tuple[str, str]]) -> None:
     """Draw motions of one arm side by side, each with its title and colour."""
     planar = motions[0].arm.is_planar
-    panels = np.atleast_1d(
-        figure.subplots(1, len(motions), sharex=planar, sharey=planar, subplot_kw=arm_axes(planar=planar))
-    )
+    settings: Any = {"sharex": planar, "sharey": planar, "subplot_kw": arm_axes(planar=planar)}
+    panels = np.atleast_1d(figure.subplots(1, len(motions), **settings))
     for axes, motion, (title, colour) in zip(panels, motions, titles, strict=True):
         stroboscopic(axes, motion, colour=colour)
         axes.set_title(title, color=colour)
@@ -326,18 +316,6 @@ def draw_motions(figure: Figure | SubFigure, motions: Sequence[Any], titles: Seq
             label_arm(axes, planar=False)
     if planar:
         panels[0].set_ylabel("y [m]")
-
-
-def _draw_joints(figure: Figure | SubFigure, motions: Sequence[Any], titles: Sequence[tuple[str, str]]) -> None:
-    """Draw the joint positions of motions whose arm is not known, each with its title and colour."""
-    panels = np.atleast_1d(figure.subplots(1, len(motions), sharex=True, sharey=True))
-    for axes, motion, (title, colour) in zip(panels, motions, titles, strict=True):
-        for joint, positions in zip(motion.arm.joint_names, np.transpose(motion.q), strict=True):
-            axes.plot(motion.time, positions, label=_text(joint))
-        axes.set_title(title, color=colour)
-        axes.set_xlabel("time [s]")
-    panels[0].set_ylabel("joint position [rad or m]")
-    panels[-1].legend(frameon=False, fontsize="small")
 
 
 def _text(words: str) -> str:
@@ -358,12 +336,19 @@ def comparison_picture(comparison: Comparison, file: Path | str) -> None:
     More than three objectives are parallel coordinates, with the best of the merged front below. Raises InvalidInput if
     writing fails.
     """
-    first, styles = comparison.fronts[0], _styles(comparison)
+    first, fronts, order, styles = comparison.fronts[0], comparison.fronts, list(comparison.groups), []
     n_obj = len(first.names)
+    for place, (name, volume) in enumerate(zip(comparison.labels, comparison.hypervolume, strict=True)):
+        group, number = comparison.groups[name], order.index(name)
+        words = f"{name}: hypervolume {volume:.4f}"
+        if len(group) > 1:
+            words = f"{name}: {len(group)} runs, median hypervolume {np.median(comparison.hypervolume[group]):.4f}"
+        style: dict[str, Any] = {"color": PAPER.accent(number), "marker": MARKERS[number % len(MARKERS)]}
+        styles.append(style | {"label": words if place == group[0] else None})
     with picture(file, (9.6 if n_obj > 2 else 6.6, 4.2)) as figure:
         if n_obj == 1:
             axes = figure.subplots()
-            for place, (front, style) in enumerate(zip(comparison.fronts, styles, strict=True)):
+            for place, (front, style) in enumerate(zip(fronts, styles, strict=True)):
                 level = np.full(len(front), place)
                 axes.plot(front.objectives[:, 0], level, linestyle="none", markersize=6, **style)
             axes.set(xlabel=label(first, 0), yticks=range(len(comparison.labels)))
@@ -378,42 +363,29 @@ def comparison_picture(comparison: Comparison, file: Path | str) -> None:
             axes.set(ylabel="share of the merged front's range, best below")
         else:
             pairs = list(combinations(range(n_obj), 2))
-            for axes, pair in zip(np.atleast_1d(figure.subplots(1, len(pairs))), pairs, strict=True):
-                _draw_compared_pair(axes, comparison, pair)
+            for axes, (i, j) in zip(np.atleast_1d(figure.subplots(1, len(pairs))), pairs, strict=True):
+                for front, style in zip(fronts, styles, strict=True):
+                    x, y = front.objectives[:, [i, j]].T
+                    axes.plot(x, y, linestyle="none", markersize=4, markeredgewidth=0, alpha=0.75, **style)
+                if n_obj == 2:
+                    _draw_attainment(axes, comparison)
+                axes.set(xlabel=label(first, i), ylabel=label(first, j))
+                axes.locator_params(nbins=5)
+                axes.margins(0.06)
         handles, names = figure.axes[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
 
 
-def _styles(comparison: Comparison) -> list[dict[str, Any]]:
-    """Return the style and the words of each front."""
-    order, styles = list(comparison.groups), []
-    for place, (name, volume) in enumerate(zip(comparison.labels, comparison.hypervolume, strict=True)):
-        group = comparison.groups[name]
-        words = f"{name}: hypervolume {volume:.4f}"
-        if len(group) > 1:
-            words = f"{name}: {len(group)} runs, median hypervolume {np.median(comparison.hypervolume[group]):.4f}"
-        shape, colour = MARKERS[order.index(name) % len(MARKERS)], PAPER.accent(order.index(name))
-        styles.append({"color": colour, "marker": shape, "label": words if place == group[0] else None})
-    return styles
-
-
-def _draw_compared_pair(axes: Axes, comparison: Comparison, pair: tuple[int, int]) -> None:
-    first = comparison.fronts[0]
-    for front, style in zip(comparison.fronts, _styles(comparison), strict=True):
-        x, y = front.objectives[:, pair].T
-        axes.plot(x, y, linestyle="none", markersize=4, markeredgewidth=0, alpha=0.75, **style)
-    if len(first.names) == 2:
-        # surfaces that one, half and all runs of a label attain: borders of the dominated region
-        window = np.array([np.ptp(each) * 0.06 for each in np.concatenate([f.objectives for f in comparison.fronts]).T])
-        ends = np.concatenate([front.minimised for front in comparison.fronts]).max(axis=0) + window
-        sign = np.where(first.maximised, -1.0, 1.0)
-        for number, (name, places) in enumerate(comparison.groups.items()):
-            surfaces = comparison.surfaces(name).items() if len(places) > 1 else ()
-            for (words, surface), line in zip(surfaces, (":", "-", "--"), strict=len(places) > 1):
-                points = (surface * sign)[np.argsort((surface * sign)[:, 0], kind="stable")]
-                x, y = np.repeat([*points[:, 0], ends[0]], 2)[:-1], np.repeat([ends[1], *points[:, 1]], 2)[1:]
-                style = {"linestyle": line, "color": PAPER.accent(number), "linewidth": 1.1, "zorder": 1}
-                axes.plot(x * sign[0], y * sign[1], label=f"{name}: {words} attainment", **style)
-    axes.set(xlabel=label(first, pair[0]), ylabel=label(first, pair[1]))
-    axes.locator_params(nbins=5)
-    axes.margins(0.06)
+def _draw_attainment(axes: Axes, comparison: Comparison) -> None:
+    """Draw the surfaces that one, half and all runs of a label attain: borders of the dominated region."""
+    fronts = comparison.fronts
+    window = np.array([np.ptp(each) * 0.06 for each in np.concatenate([front.objectives for front in fronts]).T])
+    ends = np.concatenate([front.minimised for front in fronts]).max(axis=0) + window
+    sign = np.where(fronts[0].maximised, -1.0, 1.0)
+    for name in comparison.runs:
+        colour = PAPER.accent(list(comparison.groups).index(name))
+        for (words, surface), line in zip(comparison.surfaces(name).items(), (":", "-", "--"), strict=True):
+            points = (surface * sign)[np.argsort((surface * sign)[:, 0], kind="stable")]
+            x, y = np.repeat([*points[:, 0], ends[0]], 2)[:-1], np.repeat([ends[1], *points[:, 1]], 2)[1:]
+            style: Any = {"linestyle": line, "color": colour, "linewidth": 1.1, "zorder": 1}
+            axes.plot(x * sign[0], y * sign[1], label=f"{name}: {words} attainment", **style)

@@ -59,17 +59,10 @@ def workcell_of(problem: Any) -> Workcell | None:
     """Return the workcell of a formulation, None for a problem without an arm."""
     task = task_of(problem)
     if task is not None:
-        return Workcell(
-            arm=task.arm,
-            paths=tuple(in_space(each.path.positions) for each in task.tasks),
-            obstacles=tuple(task.obstacles),
-            link_radius=float(task.link_radius),
-            bounds=task.bounds,
-            times=task.times,
-            differences=task.differences,
-            cyclic=task.cyclic,
-            ends_at_rest=task.ends_at_rest,
-        )
+        paths = tuple(in_space(each.path.positions) for each in task.tasks)
+        same = ("arm", "bounds", "times", "differences", "cyclic", "ends_at_rest")
+        kept = {name: getattr(task, name) for name in same}
+        return Workcell(paths=paths, obstacles=tuple(task.obstacles), link_radius=float(task.link_radius), **kept)
     arm = getattr(problem, "arm", None)
     if not isinstance(arm, Arm):
         return None
@@ -110,10 +103,7 @@ class PathScene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathEnd:
-    """Positions of the ``tool`` [m] at ``times`` [s], its ``reference``, if any, and its ``target``.
-
-    ``provenance`` is that of the run.
-    """
+    """Positions of the ``tool`` [m] at ``times`` [s], its ``reference``, if any, and its ``target``."""
 
     times: Times
     tool: Float[np.ndarray, "n task"]
@@ -233,14 +223,8 @@ def joint_curves(cell: Workcell, motion: RecordedMotion) -> Mapping[str, np.ndar
     """Return the joint quantities (time, dof) of a motion by kind of limit."""
     if motion.curves is not None:
         return motion.curves
-    full = Motion(
-        arm=cell.arm,
-        time=motion.time,
-        q=motion.q,
-        differences=cell.differences,
-        cyclic=cell.cyclic,
-        ends_at_rest=cell.ends_at_rest,
-    )
+    kept: Any = {name: getattr(cell, name) for name in ("arm", "differences", "cyclic", "ends_at_rest")}
+    full = Motion(time=motion.time, q=motion.q, **kept)
     return {kind: np.asarray(getattr(full, name)) for kind, name in LIMITED.items()}
 
 
@@ -336,17 +320,11 @@ class PlannedOptimum:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanEnd:
-    """The optima of a plan, best first, and the ``provenance`` of its run.
-
-    Without an optimum, ``least_violating`` is the motion that violates the limits least.
-    """
+    """The optima of a plan, best first, and the ``provenance`` of its run."""
 
     optima: Sequence[PlannedOptimum] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
     least_violating: LeastViolating | None = None
-
-
-NO_OBJECTIVES = np.zeros(0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -422,7 +400,7 @@ def record_traces(motion: ResolvedMotion) -> tuple[list[RecordedTraces], int]:
         recorded.append(
             RecordedTraces(
                 name=f"motion {', '.join(map(str, index))}" if index else "the motion",
-                point=RecordedPoint(id=place, objectives=NO_OBJECTIVES, motion=record_motion(one, curves=True)),
+                point=RecordedPoint(id=place, objectives=np.zeros(0), motion=record_motion(one, curves=True)),
                 error=np.abs(traces.errors).max(axis=-1),
                 clearance=None if distance is None else np.asarray(distance),
                 speed=np.linalg.norm(traces.velocities, axis=-1),

@@ -14,6 +14,7 @@ including the first and the last. All other messages are kept.
 
 from __future__ import annotations
 
+import copyreg
 import fcntl
 import json
 import os
@@ -25,8 +26,8 @@ import sys
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -142,7 +143,22 @@ class RecordingProcess:
 
     def pump(self) -> None:
         """Write what fits into the pipe and read the child's answers, without waiting."""
-        can_read = self._write()
+        is_gone = False
+        while self._queue:
+            message, _ = self._queue[0]
+            try:
+                self._offset += os.write(self._input.fileno(), message[self._offset :])
+            except BlockingIOError:
+                self._full = True
+                break
+            except OSError:  # the child cannot read any more
+                is_gone = True
+                break
+            if self._full:  # the child has read since; an incomplete message has no answer
+                self._full, self._silent_since = False, time.monotonic()
+            if self._offset == len(message):
+                self._queue.popleft()
+                self._offset = 0
         with suppress(BlockingIOError):
             while content := os.read(self._output.fileno(), 65_536):
                 self._part += content
@@ -157,8 +173,15 @@ class RecordingProcess:
             self.finished = self.finished or "finished" in answer
         if self.finished:
             return
-        if not can_read or self._child.poll() is not None:
-            self._fail(self._cause_of_death())
+        if is_gone or self._child.poll() is not None:  # the cause is the last line on stderr, or how the child ended
+            with suppress(subprocess.TimeoutExpired):
+                self._child.wait(1.0)
+            self._log.seek(0)
+            lines_of_log = self._log.read().decode(errors="replace").strip().splitlines()
+            cause = lines_of_log[-1] if lines_of_log else "the process that records ended"
+            if self._child.returncode is not None and self._child.returncode < 0:
+                cause = f"the process that records was ended by {signal.Signals(-self._child.returncode).name}"
+            self._fail(cause.removeprefix("ModuleNotFoundError: "))
         if self._answered < self._sent and time.monotonic() - self._silent_since > self._patience:
             self._fail(f"the process that records gave no answer within {self._patience:g} s")
 
@@ -185,45 +208,9 @@ class RecordingProcess:
             self._output.close()
             self._log.close()
 
-    def _write(self) -> bool:
-        """Write what fits into the pipe; return whether the child can still read."""
-        while self._queue:
-            content, _ = self._queue[0]
-            try:
-                self._offset += os.write(self._input.fileno(), content[self._offset :])
-            except BlockingIOError:
-                self._full = True
-                return True
-            except OSError:
-                return False
-            if self._full:  # the child has read since; an incomplete message has no answer
-                self._full, self._silent_since = False, time.monotonic()
-            if self._offset == len(content):
-                self._queue.popleft()
-                self._offset = 0
-        return True
-
     def _fail(self, cause: str) -> NoReturn:
         self.stop()
         raise RecordingStoppedError(cause)
-
-    def _cause_of_death(self) -> str:
-        """Return the last line that the child left on stderr, or how it ended."""
-        with suppress(subprocess.TimeoutExpired):
-            self._child.wait(1.0)
-        self._log.seek(0)
-        lines = self._log.read().decode(errors="replace").strip().splitlines()
-        if self._child.returncode is not None and self._child.returncode < 0:
-            return f"the process that records was ended by {signal.Signals(-self._child.returncode).name}"
-        return lines[-1].removeprefix("ModuleNotFoundError: ") if lines else "the process that records ended"
-
-
-class _Pickler(pickle.Pickler):
-    """Pickler that also takes read-only mappings."""
-
-    def reducer_override(self, value: Any) -> Any:
-        """Return how to rebuild a read-only mapping; NotImplemented for other values."""
-        return (read_only, (dict(value),)) if isinstance(value, MappingProxyType) else NotImplemented
 
 
 def read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
@@ -235,7 +222,10 @@ def pickle_message(message: Any) -> memoryview:
     """Return a pickled message after its length (``HEADER`` bytes)."""
     content = BytesIO(bytes(HEADER))
     content.seek(HEADER)
-    _Pickler(content, protocol=5).dump(message)
+    pickler = pickle.Pickler(content, protocol=5)
+    of_mapping: dict[Any, Any] = {MappingProxyType: lambda mapping: (read_only, (dict(mapping),))}
+    pickler.dispatch_table = copyreg.dispatch_table | of_mapping
+    pickler.dump(message)
     frame = content.getbuffer()
     frame[:HEADER] = (len(frame) - HEADER).to_bytes(HEADER)
     return frame
@@ -381,38 +371,39 @@ class Recorder:
         place = str(self._file.absolute())
         opening = Opening(file=place, title=title, scene=scene, live=live, options=options, run=os.getpid())
 
-        def start() -> None:
+        with self._survived():
             self._process = RecordingProcess(options, notify)
             self._process.send("open", opening)
 
-        self._attempt(start)
-
     def record(self, message: Any) -> None:
         """Add a message to the recording."""
-        if (process := self._process) is not None and not self._failed:
-            self._attempt(lambda: process.send("record", message))
+        if self._process is not None and not self._failed:
+            with self._survived():
+                self._process.send("record", message)
 
     def finish(self, end: Any) -> None:
         """Complete the file with the `end` of the run, and wait for that."""
-        if (process := self._process) is not None and not self._failed:
-            self._attempt(lambda: process.complete(end))
+        if self._process is not None and not self._failed:
+            with self._survived():
+                self._process.complete(end)
 
     def close(self) -> None:
         """Complete the file with the recorded data, unless it is finished, and end the child."""
-        process = self._process
-        if process is None:
-            return
-        try:
-            if not process.finished and not process.stopped:  # an earlier fault must not lose the recorded data
-                self._attempt(lambda: process.complete(None))
-        finally:
-            process.stop()
-            self._process = None
+        process, self._process = self._process, None
+        if process is not None:
+            try:
+                if not process.finished and not process.stopped:  # an earlier fault must not lose the recorded data
+                    with self._survived():
+                        process.complete(None)
+            finally:
+                process.stop()
 
-    def _attempt(self, step: Callable[[], None]) -> None:
+    @contextmanager
+    def _survived(self) -> Iterator[None]:
+        """Turn the first error into a warning: a view may fail in any way, but must not stop its run."""
         try:
-            step()
-        except Exception as fault:  # a view may fail in any way, but must not stop its run
+            yield
+        except Exception as fault:
             if not self._failed:
                 self._failed = True
                 warn_user(f"{self._file}: recording stopped, the run continues: {cause_of(fault)}")

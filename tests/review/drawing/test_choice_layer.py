@@ -209,8 +209,7 @@ def test_a_run_next_to_a_choice_keeps_its_views(choice_recordings):
 def test_a_runs_views_next_to_a_choice_begin_with_the_run(choice_recordings):
     """A slider reaches back to the first logged data: those of a choice begin with the run, never before."""
     recording, chosen = choice_recordings
-    timelines = RecordedRun(recording).begins.items()
-    begins = {name: int(begin.astype(int)) for name, first in timelines for begin in first.values()}
+    begins = {name: int(begin.astype(int)) for name, begin in RecordedRun(recording).begins.items()}
     assert begins["generation"] == 1
     assert first_instants(chosen) == begins
     assert not blank_views(chosen, {name: (begin,) for name, begin in begins.items()})

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.review.drawing.axes import TEXT, text_width
-from paretoik.review.drawing.scatter import Panels, Scatter
+from paretoik.review.drawing.scatter import Scatter, matrix
 from paretoik.review.recording.recorder import Generation, SearchedFront
 from tests.review.reading import drawn_labels
 
@@ -18,10 +18,11 @@ from tests.review.reading import drawn_labels
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_every_axis_has_numbers_and_none_covers_another(count):
     rng = np.random.default_rng(0)
-    panels = Panels(labels=tuple(f"objective{k} [J s]" for k in range(count)))
+    names = [f"objective{k} [J s]" for k in range(count)]
     for _ in range(60):
         low = rng.uniform(-1.0, 1.0, count) * 10.0 ** rng.integers(-3, 3, count)
-        canvases = panels.canvases(low + 10.0 ** rng.uniform(-2.0, 2.0, count) * rng.random((5, count)))
+        shown = low + 10.0 ** rng.uniform(-2.0, 2.0, count) * rng.random((5, count))
+        canvases = [canvas for _, canvas in matrix(names, shown)]
         words, places = zip(*map(drawn_labels, canvases), strict=True)
         for canvas, middles in zip(canvases, places, strict=True):
             foot = canvas.origin[1] + canvas.height
@@ -41,13 +42,13 @@ def test_the_words_of_two_crossing_bounds_are_readable(first, second, maximised)
     F = np.array([[0.0, 1.0], [1.0, 0.0]])
     generation = Generation(number=0, population=F, front=F, front_ids=np.arange(2), epsilon=np.array([first, second]))
     scatter = Scatter(scene=scene, shown=F)
-    ((pair, _, canvas),) = scatter.canvases
+    (panel,) = scatter.panels
     corners = []
-    for line, words, middle in scatter._bounds(canvas, pair, generation):
+    for line, words, middle in scatter._bounds(panel, generation):
         half = 0.5 * np.array([text_width(words), 0.8 * TEXT.line])
         corners.append((middle - half, middle + half))
         assert (middle - half >= 0).all()
-        assert (middle + half <= (canvas.width, canvas.height)).all()
+        assert (middle + half <= (panel.canvas.width, panel.canvas.height)).all()
         assert not (np.abs(line - middle) < half).all()
     (low, high), (bottom, top) = corners
     assert (np.minimum(high, top) - np.maximum(low, bottom)).min() <= 0  # the words do not cover each other

@@ -143,18 +143,6 @@ def test_every_start_of_a_plan_leads_to_what_is_drawn_of_it(plan):
         np.testing.assert_allclose(place, rows(entities["/objective/ends"], "level", "positions")[max(ends)][row])
 
 
-def test_a_plan_that_finds_nothing_leaves_a_recording_that_opens(tmp_path):
-    walled = pk.Tracking(
-        arm(),
-        pk.line([0.6, -0.1], [0.4, 0.4], duration=1.0, samples=31),
-        objectives=[pk.kinetic_energy],
-        limits=pk.Limits(velocity=1e-3),
-    )
-    with pytest.raises(pk.Infeasible):
-        pk.plan(walled, starts=2, out=tmp_path)
-    assert "/text" in read(tmp_path / "review.rrd")
-
-
 def test_a_plan_whose_recording_fails_is_complete(tmp_path):
     one = problem(pk.kinetic_energy, samples=26)
 

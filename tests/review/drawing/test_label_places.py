@@ -97,7 +97,7 @@ def test_best_points_that_coincide_are_rings_around_each_other_with_both_names(t
         stream.save(tmp_path / "ends.rrd")
         stream.set_time("generation", sequence=1)
         scatter = Scatter(scene=scene, shown=F)
-        scatter.log_marked(stream, points, of=" of level 1", avoided=F, taken=np.zeros((0, 2)))
+        scatter.log_marked(stream, points, of=" of level 1", avoid=scatter.area(F))
     entities = read(tmp_path / "ends.rrd")
     panel = "/front/energy\\ -\\ torque"
     radii = rows(entities[f"{panel}/ends"], "generation", "radii")[1]

@@ -10,9 +10,9 @@ import rerun as rr
 
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
-from paretoik.review.drawing.point_text import better_but_infeasible, point_text, text_of
+from paretoik.review.drawing.point_text import better_but_infeasible, point_text, step_text, text_of
 from paretoik.review.drawing.scatter import Scatter
-from paretoik.review.drawing.search_charts import search_charts
+from paretoik.review.drawing.search_drawing import search_charts
 from paretoik.review.recording.messages import RecordedPoint
 from paretoik.review.recording.recorder import Generation, SearchedFront
 from paretoik.review.words import run_text
@@ -39,7 +39,7 @@ def test_an_empty_front_says_why_it_is_empty():
 @pytest.mark.parametrize("timeline", ["generation", "step"])
 def test_one_point_is_counted_in_the_singular(timeline):
     chosen = np.array([1.0, 2.0]) if timeline == "step" else None
-    words = text_of(scene(timeline), generation([[1.0, 2.0]], chosen=chosen))
+    words = (step_text if chosen is not None else text_of)(scene(timeline), generation([[1.0, 2.0]], chosen=chosen))
     assert "1 point on " in words
     assert "1 points" not in words
 
@@ -56,10 +56,10 @@ def chosen_place(steps: SearchedFront, step: Generation, file: Path) -> np.ndarr
 
 def test_the_only_point_of_a_step_is_in_the_middle_with_a_note_that_it_has_no_range(tmp_path):
     steps, one = scene("step"), generation([[1.0, 2.0]], chosen=np.array([1.0, 2.0]))
-    assert "no range" in text_of(steps, one)
+    assert "no range" in step_text(steps, one)
     several = generation([[1.0, 2.0], [2.0, 3.0]], chosen=np.array([1.0, 2.0]))
-    assert "no range" not in text_of(steps, several)
-    place = Scatter(scene=steps, shown=one.front).canvases[0][2].place
+    assert "no range" not in step_text(steps, several)
+    place = Scatter(scene=steps, shown=one.front).panels[0].canvas.place
     np.testing.assert_allclose(chosen_place(steps, one, tmp_path / "one.rrd"), place(np.array([0.5, 0.5])), rtol=1e-5)
     corner = place(np.array([0.0, 0.0]))
     np.testing.assert_allclose(chosen_place(steps, several, tmp_path / "several.rrd"), corner, rtol=1e-5)
@@ -103,8 +103,8 @@ def test_a_quantity_without_a_unit_is_a_number_in_rates_and_steps():
     assert "- 1 J s more of energy: -0.003096 of distance [1]\n" in words
     assert "- 1 more of distance [1]: -323 J s of energy" in words
     step = generation([[1.0, 2.0], [2.0, 3.0]], chosen=np.array([1.0, 2.0]))
-    assert "**reach**: chosen 2; front: 2 to 3" in text_of(scene("step"), step)
-    assert "  " not in words + text_of(scene("step"), step)
+    assert "**reach**: chosen 2; front: 2 to 3" in step_text(scene("step"), step)
+    assert "  " not in words + step_text(scene("step"), step)
 
 
 def test_a_run_is_told_in_words():

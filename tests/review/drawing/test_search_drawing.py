@@ -1,18 +1,27 @@
-"""Reduction of fronts with more points than a picture can show."""
+"""Colours of the picture of a search, and the reduction of fronts with more points than a picture can show."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.front.hypervolume import estimate_hypervolume, hypervolume
-from paretoik.review.drawing import search_drawing as front_reduction
-from paretoik.review.drawing.search_drawing import FrontReduction
-from paretoik.review.recording.recorder import Generation
+from paretoik.formulations.protocol import Timeline
+from paretoik.front.hypervolume import HypervolumeCurve, HypervolumeOptions, estimate_hypervolume, hypervolume
+from paretoik.review.drawing.search_drawing import FrontReduction, search_entries
+from paretoik.review.recording.recorder import Generation, SearchedFront
+
+
+@pytest.mark.parametrize("timeline", get_args(Timeline))
+@pytest.mark.parametrize("n_obj", [2, 3, 4])
+def test_no_two_things_in_the_picture_of_a_front_have_one_colour(timeline, n_obj):
+    names = tuple(f"objective {number}" for number in range(n_obj))
+    scene = SearchedFront(names=names, units=("",) * n_obj, maximised=(False,) * n_obj, timeline=timeline)
+    colours = [colour[:3] for _, colour in search_entries(scene, None, walked=True)]
+    assert len(set(colours)) == len(colours)
 
 
 def generation(front: np.ndarray, **settings) -> Generation:
@@ -66,9 +75,9 @@ def test_a_given_hypervolume_is_not_computed_and_without_a_reference_there_is_no
     assert reduction.reduce(generation(sphere(9, 2))).hypervolume is None
 
 
-def test_hypervolumes_that_take_more_than_their_share_of_the_time_are_left_out(monkeypatch):
-    monkeypatch.setattr(front_reduction, "OPTIONS", replace(front_reduction.OPTIONS, share=1e-9))
+def test_hypervolumes_that_take_more_than_their_share_of_the_time_are_left_out():
     reduction = FrontReduction(maximised=(False,) * 4, points=20)
+    reduction._hypervolume = HypervolumeCurve(HypervolumeOptions(share=1e-9))
     large = generation(sphere(4000, 4), reference=np.full(4, 3.0))
     assert [reduction.reduce(large).hypervolume is None for _ in range(4)] == [False, False, True, True]
 

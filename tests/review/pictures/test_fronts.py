@@ -24,9 +24,9 @@ from paretoik.review.palette import PAPER
 from paretoik.review.pictures.certificates import certificates_picture
 from paretoik.review.pictures.fronts import (
     NAMES,
-    _highlights,
     comparison_picture,
     front_picture,
+    highlighted,
     name_place,
     stroboscopic,
 )
@@ -56,13 +56,13 @@ def test_an_empty_front_gets_a_picture_that_says_so(tmp_path, make_front):
 def test_the_extremes_and_the_choice_are_shown(make_front):
     front = make_front(2)
     choice = front.select(Weights({front.names[0]: 1.0, front.names[1]: 1.0}))
-    shown = {point.index: point.reason for point in _highlights(front, choice)}
+    shown = {point.index: point.reason for point in highlighted(front, choice)}
     assert shown == {0: "best kinetic_energy", choice.index: "chosen", len(front) - 1: "best torque_norm"}
 
 
 def test_without_a_choice_a_compromise_is_shown(make_front):
     front = make_front(2)
-    shown = {point.reason: point.index for point in _highlights(front, None)}
+    shown = {point.reason: point.index for point in highlighted(front, None)}
     assert shown["compromise"] == compromise(front).index
 
 
