@@ -30,7 +30,7 @@ from paretoik.inputs import (
 )
 from paretoik.tables import field_representation, html_representation
 
-RESERVED_NAMES = ("id", "violation", "violation_between", "criticality", "kkt_residual", "status")
+RESERVED_NAMES = ("id", "violation", "violation_between", "criticality", "kkt_residual", "status", "reason")
 
 
 def check_names(names: Sequence[str], units: Sequence[str]) -> None:

@@ -116,6 +116,14 @@ def test_the_table_is_readable_by_others_with_units_and_empty_certificates(front
     assert [table.column(name).null_count for name in expected] == [0, 0, 0, 0, 5, 5, 5, 5]
 
 
+def test_no_objective_can_have_the_name_of_another_column(front, tmp_path):
+    front.save(tmp_path / "run")
+    columns = pq.read_table(tmp_path / "run" / TABLE).column_names
+    for name in set(columns) - set(front.names):
+        with pytest.raises(InvalidInput, match="front names must not be"):
+            replace(front, names=(name, *front.names[1:]))
+
+
 def test_the_run_file_is_strict_json_with_the_provenance(front, tmp_path):
     front.save(tmp_path)
     run = json.loads((tmp_path / RUN).read_text(), parse_constant=pytest.fail)
