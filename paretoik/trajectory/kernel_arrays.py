@@ -8,12 +8,13 @@ import numpy as np
 
 from paretoik.compilation.numba_cache import compiled
 from paretoik.trajectory.curve_state_kernel import Curve, CurveWork, allocate_curve
+from paretoik.trajectory.discretisation import Stencil
 
 
 class MotionKernel(NamedTuple):
     """A MotionProgram of sums and peaks as arrays.
 
-    See ``MotionProgram``, and ``self_motion_kernel`` for the stencil. A point has a row of joint positions per sample,
+    See ``MotionProgram``. A point has a row of joint positions per sample,
     divided by ``scales``, then rows with the epigraph variables σ of its peaks. Path equations are evaluated at the
     samples, functions at all instants. Functions of an instant are sums, limited rows (with the rows σ − piece of
     peaks), then the ties of slacks v.
@@ -30,11 +31,7 @@ class MotionKernel(NamedTuple):
     track_curvature: tuple[np.ndarray, ...]
     curve: Curve
     kinked: bool  # whether the spline's u are variables too, after the curve's
-    neighbours: np.ndarray
-    coefficients: np.ndarray
-    first_unknown: np.ndarray
-    unknowns: int
-    border: int  # number of last unknowns that are in the border
+    stencil: Stencil
     stride: int  # number of instants from one sample to the next
     stops: bool  # whether the last sample is the posture nearest to the one before
     ones: np.ndarray
@@ -104,10 +101,9 @@ def sample_count(kernel):
 def allocate(kernel, n):
     """Return the workspace for motions of n joints."""
     samples, instants = sample_count(kernel), len(kernel.ones)
-    slacks, unknowns = len(kernel.kinks), kernel.unknowns
-    states = kernel.coefficients.shape[0] * n
+    slacks, rows = len(kernel.kinks), len(kernel.curve.row_scales)
+    states = kernel.stencil.coefficients.shape[0] * n
     variables = 2 * states if kernel.kinked else states
-    rows = len(kernel.curve.row_scales)
     sums = kernel.multipliers[2] - kernel.multipliers[1]
     limited = len(kernel.row_peaks)
     functions = sums + limited + 2 * slacks
@@ -131,7 +127,7 @@ def allocate(kernel, n):
         np.zeros((states, instants)),
         np.zeros((samples, n)),
         np.zeros((variables, instants)),
-        np.zeros(unknowns),
+        np.zeros(kernel.stencil.unknowns),
         np.zeros((slacks, 2)),
         by_slack[0],
         by_slack[1],

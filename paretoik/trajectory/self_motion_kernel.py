@@ -1,9 +1,7 @@
-"""Numerical steps on motions: stencils, self-motion, retraction; compiled.
+"""Numerical steps on motions: stencils, self-motion, retraction onto the path; compiled.
 
-Stencils are finite differences; retraction moves motions onto the path. The variables u of an instant, its position and
-rates, are sums over the samples ``neighbours`` (instants, width) with ``coefficients`` (orders, instants, width). The
-unknowns of a sample are steps along its ``tangent`` (time, dof, unknowns), the null space of the tasks' Jacobian. They
-begin at ``first_unknown`` (time,); −1 is a fixed sample.
+The variables u of an instant, its position and rates, are sums over samples (``Stencil``). The unknowns of a sample are
+steps along its ``tangent`` (time, dof, unknowns), the null space of the tasks' Jacobian.
 """
 
 from __future__ import annotations
@@ -14,7 +12,7 @@ import numpy as np
 
 from paretoik.autodiff.interpreter import run
 from paretoik.compilation.numba_cache import compiled
-from paretoik.nlp.linear_algebra import eliminate
+from paretoik.nlp.linear_algebra import clear, eliminate
 
 
 class RetractionOptions(NamedTuple):
@@ -28,10 +26,10 @@ OPTIONS = RetractionOptions()
 
 
 @compiled
-def apply_stencil(q, neighbours, coefficients, u):
+def apply_stencil(stencil, q, u):
     """Write the variables (orders · dof, instants) of q (time, dof)."""
-    orders, samples, width = coefficients.shape
-    n = q.shape[1]
+    neighbours, coefficients = stencil.neighbours, stencil.coefficients
+    (orders, samples, width), n = coefficients.shape, q.shape[1]
     for o in range(orders):
         for j in range(n):
             for i in range(samples):
@@ -42,13 +40,10 @@ def apply_stencil(q, neighbours, coefficients, u):
 
 
 @compiled
-def add_transposed_stencil(gradient_u, scale, neighbours, coefficients, gradient_q):
-    """Add the gradient by q (time, dof) from one by u.
-
-    The gradient by u is (variables, instants), and is multiplied by ``scale`` (instants,).
-    """
-    orders, samples, width = coefficients.shape
-    n = gradient_q.shape[1]
+def add_transposed_stencil(stencil, gradient_u, scale, gradient_q):
+    """Add the gradient by q from one by u, times ``scale`` (instants,)."""
+    neighbours, coefficients = stencil.neighbours, stencil.coefficients
+    (orders, samples, width), n = coefficients.shape, gradient_q.shape[1]
     for o in range(orders):
         for j in range(n):
             for i in range(samples):
@@ -59,11 +54,10 @@ def add_transposed_stencil(gradient_u, scale, neighbours, coefficients, gradient
 
 
 @compiled
-def project_gradient(gradient_q, tangent, first_unknown, reduced):
+def project_gradient(stencil, gradient_q, tangent, reduced):
     """Write the gradient by the unknowns from one by q."""
-    samples, n, r = tangent.shape
-    for i in range(len(reduced)):
-        reduced[i] = 0.0
+    (samples, n, r), first_unknown = tangent.shape, stencil.first_unknown
+    reduced[:] = 0.0
     for s in range(samples):
         if first_unknown[s] >= 0:
             for a in range(r):
@@ -72,13 +66,13 @@ def project_gradient(gradient_q, tangent, first_unknown, reduced):
 
 
 @compiled
-def expand_motion_step(step, tangent, first_unknown, dq):
+def expand_motion_step(stencil, step, tangent, dq):
     """Write q's change (time, dof) along a step; return its largest entry."""
-    samples, n, r = tangent.shape
+    (samples, n, r), first_unknown = tangent.shape, stencil.first_unknown
     longest = 0.0
+    clear(dq[:samples])
     for s in range(samples):
         for j in range(n):
-            dq[s, j] = 0.0
             if first_unknown[s] >= 0:
                 for a in range(r):
                     dq[s, j] += tangent[s, j, a] * step[first_unknown[s] + a]
@@ -87,14 +81,14 @@ def expand_motion_step(step, tangent, first_unknown, dq):
 
 
 @compiled
-def local_basis(i, neighbours, coefficients, tangent, chain, local):
+def local_basis(stencil, i, tangent, chain, local):
     """Write the derivatives of instant i's u by its neighbours' unknowns.
 
     They are (variables, width · unknowns). ``chain`` (states, states, instants) has the derivatives of u by the
-    spline's u; it is empty if both are equal. If there is space, the spline's u follows u.
+    spline's u, or is empty if both are equal. If there is space, the spline's u follows u.
     """
-    orders, _, width = coefficients.shape
-    n, r = tangent.shape[1], tangent.shape[2]
+    neighbours, coefficients = stencil.neighbours, stencil.coefficients
+    (orders, _, width), (_, n, r) = coefficients.shape, tangent.shape
     for o in range(orders):
         for k in range(width):
             for j in range(n):
@@ -103,8 +97,8 @@ def local_basis(i, neighbours, coefficients, tangent, chain, local):
     states = orders * n
     if chain.shape[2]:
         spline = local[:states].copy()
+        clear(local[:states])
         for a in range(states):
-            local[a] = 0.0
             for m in range(states):
                 if chain[a, m, i] != 0.0:
                     for b in range(local.shape[1]):
@@ -114,15 +108,11 @@ def local_basis(i, neighbours, coefficients, tangent, chain, local):
 
 
 @compiled
-def add_hessian(i, phi, stencil, tangent, chain, local, half, matrix):
-    """Add the Hessian ``phi`` by u of instant i to ``matrix``.
-
-    ``matrix`` is the Hessian of the unknowns, (A, B, C), banded with a border. ``stencil`` has ``neighbours``,
-    ``coefficients`` and ``first_unknown``.
-    """
-    (neighbours, coefficients, first_unknown), (A, B, C) = stencil, matrix
-    width, r, size = coefficients.shape[2], tangent.shape[2], A.shape[0]
-    local_basis(i, neighbours, coefficients, tangent, chain, local)
+def add_hessian(stencil, i, phi, tangent, chain, local, half, matrix):
+    """Add instant i's Hessian by u to the unknowns' (A, B, C)."""
+    (A, B, C), first_unknown, neighbours = matrix, stencil.first_unknown, stencil.neighbours
+    width, r, size = neighbours.shape[1], tangent.shape[2], A.shape[0]
+    local_basis(stencil, i, tangent, chain, local)
     for a in range(local.shape[0]):
         for b in range(local.shape[1]):
             half[a, b] = 0.0
@@ -155,14 +145,11 @@ def add_hessian(i, phi, stencil, tangent, chain, local, half, matrix):
 
 
 @compiled
-def add_path_hessian(seconds, tangent, first_unknown, A, C):
-    """Add second derivatives by q of samples to the unknowns' Hessian.
-
-    They are (dof², time).
-    """
+def add_path_hessian(stencil, seconds, tangent, A, C):
+    """Add samples' second derivatives by q (dof², time) to the unknowns' Hessian."""
     samples, n, r = tangent.shape
     for s in range(samples):
-        begin, size = first_unknown[s], A.shape[0]
+        begin, size = stencil.first_unknown[s], A.shape[0]
         for a in range(r if begin >= 0 else 0):
             for b in range(r):
                 total = 0.0
@@ -177,10 +164,10 @@ def add_path_hessian(seconds, tangent, first_unknown, A, C):
 
 @compiled
 def tangent_frames(tracked, tangent, normal, triangle):
-    """Write orthonormal bases of the Jacobians' null and row space.
+    """Write bases of all Jacobians' null space and row space Y.
 
-    The Jacobians are those of the tasks at all samples. R of Jᵀ = Y R is written too. ``tracked`` has path equations
-    and Jacobian entries (rows + rows · dof, time). Householder reflections are used. Returns False at a singularity.
+    R of Jᵀ = Y R is written too, by Householder reflections. ``tracked`` has path equations and Jacobian entries
+    (rows + rows · dof, time). Returns False at a singularity.
     """
     samples, n, rows = normal.shape
     work, basis, v = np.empty((n, rows)), np.empty((n, n)), np.empty(n)
@@ -197,8 +184,7 @@ def tangent_frames(tracked, tangent, normal, triangle):
             size = np.sqrt(size)
             if not size > 1e-9:
                 return False
-            for j in range(i, n):
-                v[j] = work[j, i]
+            v[i:] = work[i:, i]
             v[i] += size if work[i, i] >= 0 else -size
             square = 0.0
             for j in range(i, n):
@@ -207,27 +193,18 @@ def tangent_frames(tracked, tangent, normal, triangle):
                 _reflect(work[:, c], v, i, square)
             for c in range(n):
                 _reflect(basis[c], v, i, square)
-        for j in range(n):
-            for i in range(rows):
-                normal[s, j, i] = basis[j, i]
-            for i in range(rows, n):
-                tangent[s, j, i - rows] = basis[j, i]
+        normal[s], tangent[s] = basis[:, :rows], basis[:, rows:]
         for i in range(rows):
-            for c in range(i, rows):
-                triangle[s, i, c] = work[i, c]
+            triangle[s, i, i:] = work[i, i:]
     return True
 
 
 @compiled
 def tie_last_sample(tangent, normal):
-    """Write the tangent of the last sample, if it depends on another.
-
-    It is the posture on the path nearest to the sample before.
-    """
+    """Write the tangent of a last sample nearest to the one before."""
     _, n, r = tangent.shape
     for a in range(r):
-        for j in range(n):
-            tangent[-1, j, a] = tangent[-2, j, a]
+        tangent[-1, :, a] = tangent[-2, :, a]
         for i in range(normal.shape[2]):
             along = 0.0
             for j in range(n):
@@ -255,9 +232,7 @@ def retract_motion(track, inputs, q, normal, triangle, tracked):
     samples, n, rows = normal.shape
     matrix, right = np.empty((rows, rows)), np.empty(rows)
     for attempt in range(OPTIONS.steps):
-        for j in range(n):
-            for s in range(samples):
-                inputs[j, s] = q[s, j]
+        inputs[:n] = q[:samples].T
         run(track, inputs, tracked)
         worst = 0.0
         for i in range(rows):
@@ -285,10 +260,7 @@ def retract_motion(track, inputs, q, normal, triangle, tracked):
 
 @compiled
 def path_multipliers(gradient_q, normal, triangle, multipliers):
-    """Write the path's multipliers ν (rows, time).
-
-    They satisfy Jᵀ ν = −(gradient in the row space of J).
-    """
+    """Write ν (rows, time): Jᵀ ν = −(gradient in J's row space)."""
     samples, n, rows = normal.shape
     for s in range(samples):
         for i in range(rows - 1, -1, -1):
