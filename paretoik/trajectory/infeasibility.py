@@ -294,8 +294,22 @@ def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> 
     kind, limit, _ = _worst_limit(task, motion)
     if not kind:
         return ""
-    if kind in ("torque", "power") and (weight := _weight_text(task, motion)):
-        return weight
+    if kind in ("torque", "power") and "torque" in task.bounds and task.arm.gravity.any():
+        # whether gravity is too much at the sample at which the motion's posture needs the largest share of a limit
+        rest = int(np.argmax([_overload(task, k, motion.q[k][None])[0] for k in range(len(task.times))]))
+        q, load = _best_postures(task, rest, _overload)
+        if len(q) and not load.min() <= 1.0:
+            torque = gravity_torques(task.arm, q[int(np.argmin(load))])
+            limits = _at_sample(task.bounds["torque"], rest)[np.arange(task.arm.dof), (torque > 0).astype(int)]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                joint = int(np.nanargmax(torque / limits))
+            unit = "N m" if task.arm.periodic[joint] else "N"
+            return (
+                f"; gravity is too much to hold the arm at rest at sample {rest} ({task.times[rest]:.3g} s): in the "
+                f"best of {len(q)} postures tried {task.arm.joint_names[joint]} needs {abs(torque[joint]):.3g} {unit}, "
+                f"its limit is {abs(limits[joint]):.3g} {unit}; it may help: a smaller payload, a higher torque limit, "
+                "another place of the path"
+            )
     text = f"; it may help: {REMEDIES[kind]}"
     if kind in ("position", "clearance"):
         worst = task.worst_sample(limit, motion) if sample is None else sample
@@ -403,30 +417,6 @@ def _overload(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(torque > 0, torque / upper, torque / lower)
     return np.asarray(np.nan_to_num(shares, posinf=np.inf).max(axis=1))
-
-
-def _weight_text(task: MotionTask, motion: Motion) -> str:
-    """Return in words that torque limits cannot hold the arm at rest.
-
-    The sample is the one at which the motion's posture needs the largest share of a limit.
-    """
-    if "torque" not in task.bounds or not task.arm.gravity.any():
-        return ""
-    sample = int(np.argmax([_overload(task, k, motion.q[k][None])[0] for k in range(len(task.times))]))
-    q, load = _best_postures(task, sample, _overload)
-    if load.min(initial=np.inf) <= 1.0 or not len(q):
-        return ""
-    torque = gravity_torques(task.arm, q[int(np.argmin(load))])
-    limits = _at_sample(task.bounds["torque"], sample)[np.arange(task.arm.dof), (torque > 0).astype(int)]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        joint = int(np.nanargmax(torque / limits))
-    unit = "N m" if task.arm.periodic[joint] else "N"
-    return (
-        f"; gravity is too much to hold the arm at rest at sample {sample} ({task.times[sample]:.3g} s): in the best "
-        f"of {len(q)} postures tried {task.arm.joint_names[joint]} needs {abs(torque[joint]):.3g} {unit}, its limit is "
-        f"{abs(limits[joint]):.3g} {unit}; it may help: a smaller payload, a higher torque limit, another place of the "
-        "path"
-    )
 
 
 def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
