@@ -15,8 +15,22 @@ from paretoik.nlp.banded import kernel as steps
 from paretoik.nlp.banded.kernel import implement
 from paretoik.nlp.linear_algebra import add_scaled, clear, inner_product, norm
 from paretoik.trajectory import curve_state_kernel as curve_states
-from paretoik.trajectory import self_motion_kernel as self_motion_steps
-from paretoik.trajectory.kernel_arrays import MotionKernel, allocate, sample_count
+from paretoik.trajectory.kernel_arrays import (
+    MotionKernel,
+    add_hessian,
+    add_path_hessian,
+    add_transposed_stencil,
+    allocate,
+    apply_stencil,
+    expand_motion_step,
+    local_basis,
+    path_multipliers,
+    project_gradient,
+    retract_motion,
+    sample_count,
+    tangent_frames,
+    tie_last_sample,
+)
 
 # Kinks of an instant's functions, smoothed according to the barrier; compiled
 #
@@ -211,7 +225,7 @@ def assemble_peaks(kernel, work, A, B, C):
         C[row, row] = total
         clear(work.gradient_q)
         _add_by_positions(kernel, work, work.gradient_u, kernel.ones, work.gradient_q)
-        self_motion_steps.project_gradient(kernel.stencil, work.gradient_q, work.tangent, work.projected)
+        project_gradient(kernel.stencil, work.gradient_q, work.tangent, work.projected)
         B[row] = work.projected[:size]
         for i in range(kernel.stencil.border):
             C[row, i] = C[i, row] = work.projected[size + i]
@@ -268,7 +282,7 @@ def add_auxiliary(kernel, work, x):
 def _write_states(kernel, work, x):
     """Write the variables u of all instants at a point."""
     u, n = work.inputs[: len(work.gradient_spline)], len(kernel.scales)
-    self_motion_steps.apply_stencil(kernel.stencil, x, u)
+    apply_stencil(kernel.stencil, x, u)
     if kernel.kinked:
         work.inputs[4 * n : 4 * n + len(u)] = u
     curve_states.project_instants(kernel.curve, work.curve, u)
@@ -278,7 +292,7 @@ def _write_states(kernel, work, x):
 def _add_by_positions(kernel, work, gradient, scale, gradient_q):
     """Add the gradient by q from one by u, times ``scale`` (instants,)."""
     curve_states.chain_gradient(work.curve, gradient[: len(work.gradient_u)], work.gradient_spline)
-    self_motion_steps.add_transposed_stencil(kernel.stencil, work.gradient_spline, scale, gradient_q)
+    add_transposed_stencil(kernel.stencil, work.gradient_spline, scale, gradient_q)
 
 
 @implement(steps.remove_auxiliary, MotionKernel)
@@ -336,10 +350,10 @@ def linearise(kernel, work, x):
     work.path_inputs[:n] = x[:samples].T
     run(kernel.track, work.path_inputs, work.tracked)
     curve_states.linearise_instants(kernel.curve, work.curve)
-    if not self_motion_steps.tangent_frames(work.tracked, work.tangent, work.normal, work.triangle):
+    if not tangent_frames(work.tracked, work.tangent, work.normal, work.triangle):
         return False
     if kernel.stops:
-        self_motion_steps.tie_last_sample(work.tangent, work.normal)
+        tie_last_sample(work.tangent, work.normal)
     run(kernel.slope, work.inputs, work.slopes)
     functions = len(gradients)
     for f in range(functions if len(kernel.kinks) else 0):  # entries that are always 0
@@ -380,7 +394,7 @@ def reduced_gradient(kernel, work, weights, multipliers, out):
     for total in range(len(weights)):
         if weights[total] != 0.0 and kernel.totals[total] >= 0:
             add_scaled(work.gradient_q, weights[total], work.objective_gradients[kernel.totals[total]])
-    self_motion_steps.project_gradient(kernel.stencil, work.gradient_q, work.tangent, out)
+    project_gradient(kernel.stencil, work.gradient_q, work.tangent, out)
     for total in range(len(weights)):
         if kernel.totals[total] < 0:
             out[kernel.stencil.unknowns - 1 - kernel.totals[total]] += weights[total]
@@ -403,7 +417,7 @@ def prepare_multipliers(kernel, work, weights):
         tie_multipliers(kernel, work, weights)
     rows = len(kernel.curve.row_scales)
     nu = work.path_inputs[first[0] : first[0] + rows]
-    self_motion_steps.path_multipliers(work.gradient_q, work.normal, work.triangle, nu)
+    path_multipliers(work.gradient_q, work.normal, work.triangle, nu)
     if kernel.curve.projects:
         by_curve = work.gradient_spline
         by_curve[:] = work.gradient_u[: len(by_curve)]
@@ -432,7 +446,7 @@ def assemble(kernel, work, stiffness, A, B, C):
     phi, row, half = np.zeros((behind, behind)), np.empty(variables), np.zeros(local.shape)
     run(kernel.curvature, work.inputs, work.seconds)
     run(kernel.track_curvature, work.path_inputs, work.track_seconds)
-    self_motion_steps.add_path_hessian(kernel.stencil, work.track_seconds, work.tangent, A, C)
+    add_path_hessian(kernel.stencil, work.track_seconds, work.tangent, A, C)
     by_row, gradients, limited = work.by_row, work.gradients, kernel.limited
     clear(by_row)  # the stiffness of variables and rows, in their own units
     for i in range(len(limited)):
@@ -456,7 +470,7 @@ def assemble(kernel, work, stiffness, A, B, C):
                     for b in range(variables):
                         block[a, b] += scaled * row[b]
         curve_states.add_twist(work.curve, s, phi[states:, states:])
-        self_motion_steps.add_hessian(kernel.stencil, s, phi, work.tangent, work.curve.chain, local, half, (A, B, C))
+        add_hessian(kernel.stencil, s, phi, work.tangent, work.curve.chain, local, half, (A, B, C))
     assemble_peaks(kernel, work, A, B, C)
     largest = 0.0
     for i in range(A.shape[0]):
@@ -470,7 +484,7 @@ def expand_step(kernel, work, step, dx):
     samples, n = sample_count(kernel), dx.shape[1]
     for k in range(len(kernel.peak_inputs)):
         dx[samples + k // n, k % n] = step[kernel.stencil.unknowns + k]
-    return self_motion_steps.expand_motion_step(kernel.stencil, step, work.tangent, dx)
+    return expand_motion_step(kernel.stencil, step, work.tangent, dx)
 
 
 @implement(steps.directional_derivatives, MotionKernel)
@@ -480,7 +494,7 @@ def directional_derivatives(kernel, work, dx, dF, dc):
     limited, factors = kernel.limited, kernel.factors
     (variables, instants), n, samples = du.shape, dx.shape[1], sample_count(kernel)
     sums = len(work.objective_gradients)
-    self_motion_steps.apply_stencil(kernel.stencil, dx, du)
+    apply_stencil(kernel.stencil, dx, du)
     curve_states.chain_directions(work.curve, du)
     for total in range(len(dF)):
         k, peak = kernel.totals[total], -1 - kernel.totals[total]
@@ -510,7 +524,7 @@ def constraint_rows(kernel, work, columns, entries):
     r, width = work.tangent.shape[2], entries.shape[1]
     local = np.zeros((instants, variables, width))
     for s in range(instants):
-        self_motion_steps.local_basis(kernel.stencil, s, work.tangent, work.curve.chain, local[s])
+        local_basis(kernel.stencil, s, work.tangent, work.curve.chain, local[s])
     for i in range(len(limited)):
         row, s, factor = limited[i, 0], limited[i, 1], kernel.factors[i]
         for b in range(width):
@@ -533,6 +547,4 @@ def retract(kernel, work, x, dx, length, trial):
     trial[:] = x + length * dx
     if kernel.stops:
         trial[samples - 1] = trial[samples - 2]
-    return self_motion_steps.retract_motion(
-        kernel.track, work.path_inputs, trial, work.normal, work.triangle, work.tracked
-    )
+    return retract_motion(kernel.track, work.path_inputs, trial, work.normal, work.triangle, work.tracked)
