@@ -22,11 +22,10 @@ from paretoik.front.points import ADDED_SAMPLES, SOLVERS
 from paretoik.front.preferences.compromise import marked_rows
 from paretoik.inputs import file_path, shown
 from paretoik.nlp.minimise import check_solver
-from paretoik.nlp.program import Solver
+from paretoik.nlp.program import FEASIBLE, Solver
 from paretoik.pareto.certified_front import OPTIONS as CERTIFIED
 from paretoik.pareto.certified_front import Certifier
 from paretoik.pareto.refined_front import Completion, RefinedFront, refined_front
-from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM_STARTS
 from paretoik.pareto.scalarisation import evaluate_points
 from paretoik.progress import Observer, RunProgress
 from paretoik.review.recording.messages import front_point
@@ -196,7 +195,7 @@ def refine_front(
     formulation, began = certifier.formulation, time.monotonic()
     x, ranges = formulation.front_points(front), ranges_of(front.minimised)
     check_solver(formulation.program(ranges), solver)
-    if len(x) and not (evaluate_points(formulation.program(ranges), x).violation <= WARM_STARTS.violation).any():
+    if len(x) and not (evaluate_points(formulation.program(ranges), x).violation <= FEASIBLE).any():
         ProblemParts(problem).require_feasible()
     refined = refined_front(certifier, x, front.ids, ranges, front.provenance, before=front, completion=completion)
     if not refined.ended:
@@ -259,6 +258,6 @@ def _curves_at_samples(front: Front, before: Front | None, problem: Any) -> Poin
         rows, curves = rows[on_path], curves[on_path]
         now, former = (evaluate_points(problem.program(), each) for each in (x[rows], curves))
         rise = (now.objectives - former.objectives)[:, : len(front.names)] / ranges_of(front.minimised)
-        better = (former.violation <= WARM_STARTS.violation) & (rise > CERTIFIED.tolerance).any(axis=1)
+        better = (former.violation <= FEASIBLE) & (rise > CERTIFIED.tolerance).any(axis=1)
         x[rows[better]] = curves[better]
     return x

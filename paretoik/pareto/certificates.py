@@ -84,16 +84,11 @@ OPTIONS = CertificateOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curvature:
-    """The result of the second-order test of a critical point.
+    """The result of the second-order test of a critical point."""
 
-    status: "minimum", "saddle" or "undetermined"
-    reason: why it is undetermined
-    better: for a saddle, a point that is better in every objective
-    """
-
-    status: str
+    status: str  # "minimum", "saddle" or "undetermined", for which ``reason`` says why
     reason: str = ""
-    better: Point | None = None
+    better: Point | None = None  # for a saddle, a point that is better in every objective
 
 
 def undetermined(reason: str) -> Curvature:
@@ -171,10 +166,7 @@ def least_multipliers(
 def edge_names(
     program: Program, at: Linearisation, weak: Bool[np.ndarray, " inequalities"], weightless: Bool[np.ndarray, " n_obj"]
 ) -> str:
-    """Return the names of weakly active limits, kinks and weightless objectives.
-
-    Each name appears once.
-    """
+    """Return the names of weakly active limits, kinks and weightless objectives."""
     bounds = int(np.count_nonzero(np.isfinite(program.upper)))
     rows = np.flatnonzero(weak)
     limits = [name for i in rows[rows < at.elastic] for name in program.inequality_names[i : i + 1]]  # some lack one
@@ -188,9 +180,9 @@ def edge_names(
 
 
 def _least_curved(fixed: np.ndarray, hessian: np.ndarray, at: Linearisation) -> tuple[np.ndarray, float]:
-    """Return the direction of least curvature, and this curvature.
+    """Return the direction of least curvature without ``fixed`` rows, and this curvature.
 
-    The direction is in the null space of ``fixed``. The curvature is infinite if no direction has negative curvature.
+    The curvature is infinite if no direction has negative curvature.
     """
     tangent, unit = null_space(fixed, at.unknowns), at.unit
     projected = tangent.T @ hessian @ tangent
@@ -204,11 +196,10 @@ def _least_curved(fixed: np.ndarray, hessian: np.ndarray, at: Linearisation) -> 
 def null_space(
     rows: Float[np.ndarray, "rows columns"], unknowns: int | None = None
 ) -> Float[np.ndarray, "columns free"]:
-    """Return a basis of the null space of rows.
+    """Return a basis of rows' null space, orthonormal in the ``unknowns``.
 
-    It is orthonormal in the first ``unknowns`` columns (default all).
-
-    The other columns are auxiliary and are eliminated first: their rows are sparse. The length of a row has no effect.
+    The other columns, after these (default none), are auxiliary and are eliminated first: their rows are sparse. The
+    length of a row has no effect.
     """
     count = rows.shape[1]
     unit = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
@@ -297,8 +288,7 @@ def weight_ratios(
 ) -> Float[np.ndarray, "n_obj n_obj 2"]:
     """Return the range of λ_i/λ_j over all multipliers of a critical point.
 
-    It is NaN if a weight is 0. With cones the multipliers are assumed to be unique. Raises SolverFailed if the range
-    cannot be computed.
+    It is NaN if a weight is 0. With cones the multipliers are assumed to be unique. Raises SolverFailed.
     """
     reliable = np.where(weights >= OPTIONS.weight, weights, np.nan)
     ratios = reliable[:, None] / reliable[None, :]
@@ -321,14 +311,12 @@ def weight_ratios(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Discretisation:
-    """Discretisation errors: objectives ``names`` compared with their values on the motion's curve.
-
-    judged: whether a large error makes a minimum "under-resolved"; False for finite differences, which define no curve
-    """
+    """Errors of objectives ``names`` relative to values on the motion's curve."""
 
     names: Sequence[str]
     values: Float[np.ndarray, "points n_obj"]
     errors: Float[np.ndarray, "points n_obj"]
+    # whether a large error makes a minimum "under-resolved"; False for finite differences, which define no curve
     judged: bool
 
 
@@ -403,28 +391,21 @@ def certify(
 
 
 def confirmed_criticality(program: Program, x: Point) -> float:
-    """Return the criticality of a point with one objective; NaN if unknown.
-
-    It is the optimum of the convex program.
-    """
+    """Return the criticality, by a convex program, of one objective; else NaN."""
     with suppress(Interrupted, SolverFailed, EvaluationFailed, np.linalg.LinAlgError):
         return criticality(*_first_order(program, program.linearise(x), np.ones(1))).value
     return np.nan
 
 
 def criticality_at(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
-    """Return the criticality of a point, or an upper bound near 0.
-
-    ``ranges`` divide the objectives.
-    """
+    """Return the criticality of a point, or an upper bound near 0."""
     return quick_criticality(*_first_order(program, at, ranges)).value
 
 
 def criticality_bound(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
     """Return an upper bound of the criticality without a conic program.
 
-    See ``active_set_criticality``. The bound is infinite if it is not near 0. With auxiliary columns the criticality
-    itself is returned.
+    It is infinite if it is not near 0 (``active_set_criticality``), and exact with auxiliary columns.
     """
     gradients, constraints, unit = _first_order(program, at, ranges)
     if gradients.shape[1] > at.unknowns:
@@ -446,10 +427,7 @@ def weights_at(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "po
 
 
 def _certify_point(common: Program | None, point: tuple[Program | None, Point, Float[np.ndarray, " n_obj"]]) -> Values:
-    """Return a point's certificate as plain arrays.
-
-    The program is the point's own, else ``common``.
-    """
+    """Return a certificate as plain arrays, with the point's program, else ``common``."""
     program, x, ranges = point[0] or common, *point[1:]
     assert program is not None
     n_obj = len(ranges)
@@ -477,10 +455,7 @@ def _certify_point(common: Program | None, point: tuple[Program | None, Point, F
 
 
 def _unknown(program: Program, x: Point, n_obj: int, reason: str) -> Values:
-    """Return the certificate of an undetermined point.
-
-    Only its violation is known, or NaN.
-    """
+    """Return the certificate of an undetermined point: its violation, or NaN."""
     try:
         violation = violation_of(program, *program.evaluate(x))
     except EvaluationFailed:
@@ -492,10 +467,7 @@ def _unknown(program: Program, x: Point, n_obj: int, reason: str) -> Values:
 def _certificate(
     violation: float, weights: np.ndarray, ratios: np.ndarray, criticality: float, curvature: Curvature
 ) -> Values:
-    """Return a certificate as arrays by name.
-
-    It has weights λ, bounds of λ_i/λ_j, and the criticality χ (residual).
-    """
+    """Return λ, bounds of λ_i/λ_j, and χ (residual) by name."""
     better = {} if curvature.better is None else {"better": curvature.better}
     words = np.array([curvature.status, curvature.reason], dtype=np.str_)
     numbers = {"violation": violation, "weights": weights, "ratios": ratios, "residual": criticality}
@@ -505,10 +477,7 @@ def _certificate(
 def _first_order(
     program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]
 ) -> tuple[Float[np.ndarray, "n_obj columns"], Constraints, float]:
-    """Return gradients divided by ranges, all inequalities, and the unit of steps.
-
-    The inequalities include the program's own bounds on F.
-    """
+    """Return gradients divided by ranges, all inequalities, and the unit of steps."""
     size = len(program.upper)
     constraints = bounded(at, Goal(weights=np.zeros(size), rows=np.eye(size), upper=program.upper))[0]
     return at.gradients[: len(ranges)] / ranges[:, None], constraints, at.unit

@@ -18,15 +18,14 @@ from paretoik.front.front import Front
 from paretoik.front.hypervolume import ranges_of
 from paretoik.front.points import confirmation, widths_of
 from paretoik.nlp.minimise import chosen_solver
-from paretoik.nlp.program import Program, Solver
+from paretoik.nlp.program import FEASIBLE, Program, Solver
 from paretoik.pareto.certificates import OPTIONS as CERTIFICATES
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.differentiable import Differentiable, Individuals
 from paretoik.pareto.placement import front_rows
-from paretoik.pareto.refine import OPTIONS as REFINEMENT
 from paretoik.pareto.refine import refine
 from paretoik.pareto.scalarisation import Observe
-from paretoik.pareto.sweep import SweepPhase, SweepProgress
+from paretoik.pareto.sweep import SweepProgress
 from paretoik.progress import OPTIONS as TIME_LEFT
 from paretoik.progress import Observer, RunProgress, count_observer, is_due, time_left
 from paretoik.runs.distribution import workers
@@ -39,29 +38,16 @@ from paretoik.runs.journal import without_journal
 
 @dataclass(frozen=True, kw_only=True)
 class CertificateTime:
-    """Settings of the time for certificates and for tightening limits.
+    """Settings of the time for certificates and for tightening limits."""
 
-    share: share of a time limit that is reserved for each later stage
-    longest: largest number of seconds reserved per point for each later stage
-    trials: largest share of the elapsed time that trials of later stages take
-    spread: step between tried points, as a share of the front; the golden ratio spreads any number of steps evenly
-    """
-
-    share: float = 0.2
-    longest: float = 2.0
-    trials: float = 0.1
+    share: float = 0.2  # share of a time limit that is reserved for each later stage
+    longest: float = 2.0  # largest number of seconds reserved per point for each later stage
+    trials: float = 0.1  # largest share of the elapsed time that trials of later stages take
+    # step between tried points, as a share of the front; the golden ratio spreads any number of steps evenly
     spread: float = 0.618
 
 
 TIME_OPTIONS = CertificateTime()
-
-
-PHASES: dict[SweepPhase, str] = {
-    "": "",
-    "gap filling": "better places sought",
-    "jump search": "jumps searched",
-    "basin exchange": "neighbours' basins tried",
-}  # phases of a sweep in words
 
 
 @dataclass(kw_only=True, eq=False)
@@ -69,25 +55,18 @@ class Certifier:
     """How a formulation's points are refined and certified, and who observes it.
 
     It tries some points, to measure how long the stages after refinement take.
-
-    looks: seconds of each check for limits exceeded between samples
-    tightenings: seconds of each tightening of a point that exceeds limits
-    certificates: seconds of each certification of a point
-    exceeding: number of checked points that exceed limits between samples
-    seen: keys of the points that were checked
-    spent: seconds of all measurements
-    after_cold: elapsed seconds and number of solved levels after the last cold start of a sweep
     """
 
     formulation: Differentiable
     solver: Solver = "auto"
     observe: Observer | None = None
-    looks: list[float] = field(default_factory=list)
-    tightenings: list[float] = field(default_factory=list)
-    certificates: list[float] = field(default_factory=list)
-    exceeding: int = 0
-    seen: set[bytes] = field(default_factory=set)
-    spent: float = 0.0
+    looks: list[float] = field(default_factory=list)  # seconds of each check for limits exceeded between samples
+    tightenings: list[float] = field(default_factory=list)  # seconds of each tightening of a point that exceeds limits
+    certificates: list[float] = field(default_factory=list)  # seconds of each certification of a point
+    exceeding: int = 0  # number of checked points that exceed limits between samples
+    seen: set[bytes] = field(default_factory=set)  # keys of the points that were checked
+    spent: float = 0.0  # seconds of all measurements
+    # elapsed seconds and number of solved levels after the last cold start of a sweep
     after_cold: tuple[float, int] | None = None
 
     @property
@@ -96,10 +75,7 @@ class Certifier:
         return ("tightening", "certification") if self.formulation.tightens else ("certification",)
 
     def reserve_later(self, points: int) -> AbstractContextManager[None]:
-        """Return a context that reserves time for the later stages.
-
-        It reserves part of the current time limit.
-        """
+        """Return a context that reserves part of the time for later stages."""
         stages = len(self.later_stages)
         return reserve_time(stages * TIME_OPTIONS.share, stages * points * TIME_OPTIONS.longest)
 
@@ -146,10 +122,7 @@ class Certifier:
         self.spent += computing_clock() - clock[0]
 
     def point_progress(self, progress: SweepProgress, seconds: float, summary: str = "") -> RunProgress:
-        """Return the progress of a sweep after ``seconds``.
-
-        The time left is computed only if an observer is due.
-        """
+        """Return a sweep's progress, with the time left for due observers."""
         remaining = None
         if is_due(self.observe) and progress.ahead is not None:
             row = int(len(progress.front) * (TIME_OPTIONS.spread * len(self.looks) % 1))
@@ -166,7 +139,7 @@ class Certifier:
             total=progress.total,
             seconds=seconds,
             remaining=remaining,
-            summary=", ".join(filter(None, [summary, PHASES[progress.phase]])),
+            summary=", ".join(filter(None, [summary, progress.phase])),
             following=" and ".join(self.later_stages),
         )
 
@@ -193,16 +166,11 @@ def _mean(values: Sequence[float]) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class CertifiedFrontOptions:
-    """Settings of certified fronts.
+    """Settings of certified fronts."""
 
-    rounds: most rounds in which better points next to saddles are refined
-    tolerance: largest deterioration of a point, as a share of an objective's range
-    between: largest violation between samples, as a share of a limit's range
-    """
-
-    rounds: int = 3
-    tolerance: float = 1e-9
-    between: float = 1e-8
+    rounds: int = 3  # most rounds in which better points next to saddles are refined
+    tolerance: float = 1e-9  # largest deterioration of a point, as a share of an objective's range
+    between: float = 1e-8  # largest violation between samples, as a share of a limit's range
 
 
 OPTIONS = CertifiedFrontOptions()
@@ -215,10 +183,7 @@ def certify_individuals(
     ranges: Float[np.ndarray, " n_obj"],
     observe: Observe | None = None,
 ) -> tuple[Certificates, list[Point | None]]:
-    """Return individuals' certificates, and a better point for each saddle.
-
-    See ``certify``.
-    """
+    """Return individuals' certificates, and a better point for each saddle."""
     return certify(
         programs,
         individuals.x,
@@ -233,10 +198,7 @@ def certify_individuals(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CertifiedPoints:
-    """Points with their certificates, and better points next to saddles.
-
-    For each saddle ``better`` has a point that is better in every objective, else None.
-    """
+    """Points with their certificates, and a ``better`` point next to each saddle."""
 
     individuals: Individuals
     certificates: Certificates
@@ -323,10 +285,7 @@ def certified_front(
 def _leave_saddles(
     certifier: Certifier, points: CertifiedPoints, ranges: Float[np.ndarray, " n_obj"]
 ) -> CertifiedPoints:
-    """Return points with saddles replaced by refined better points.
-
-    The new points are worse in no objective.
-    """
+    """Return points with saddles replaced by refined points worse in no objective."""
     formulation = certifier.formulation
     for _ in range(OPTIONS.rounds):
         saddles = np.array([i for i, better in enumerate(points.better) if better is not None], dtype=int)
@@ -350,11 +309,10 @@ def _keep_minima(
     rows: Int[np.ndarray, " points"],
     ranges: Float[np.ndarray, " n_obj"],
 ) -> CertifiedPoints:
-    """Return points with former minima restored, unless new points are better.
+    """Return points with minima of ``before`` restored, unless they are better.
 
-    The former minima are those of the front ``before``. A point is better if it is better in some objective and worse
-    in none. A point may be worse than before because its limits were tightened again, for another motion. ``rows`` are
-    the rows of the points on the front ``before``.
+    A point is better if it is better in some objective and worse in none. It may be worse than before because its
+    limits were tightened again, for another motion. ``rows`` are the rows of the points on the front ``before``.
     """
     if before.certificates is None:
         return points
@@ -382,13 +340,10 @@ def no_worse(
     before: Front,
     ranges: Float[np.ndarray, " n_obj"],
 ) -> Individuals:
-    """Return individuals, with those that became worse replaced by former ones.
-
-    A point is replaced if it is worse by more than a tolerance and its former version was feasible.
-    """
+    """Return individuals, with those that became worse replaced by feasible former ones."""
     worse = ~(individuals.objectives <= before.minimised + OPTIONS.tolerance * ranges).all(axis=1)  # true for NaN too
     if before.violation is not None:
-        worse &= before.violation <= REFINEMENT.violation
+        worse &= before.violation <= FEASIBLE
     if not worse.any():
         return individuals
     x = individuals.x.copy()

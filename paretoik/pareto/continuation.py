@@ -26,34 +26,23 @@ from paretoik.stop_flag import check_interruption
 
 @dataclass(frozen=True, kw_only=True)
 class ContinuationOptions:
-    """Tolerances and steps; objectives are divided by their ranges.
+    """Tolerances and steps; objectives are divided by their ranges."""
 
-    residual: largest gradient of the Lagrangian at an optimum, per step of RMS length one, over Σ multipliers of F
-    violation: largest violation of a constraint at an optimum
-    corrections: largest number of corrections; if more are needed, the step is halved
-    contraction: largest ratio of a correction to the one before; a larger ratio halves the step
-    few: largest number of corrections after which the step doubles
-    attempts: largest number of attempts, also failed ones; after that, solving from a fresh start is faster
-    predictions: largest number of Newton steps of a prediction
-    predicted: length of a Newton step, as a share of the whole step, below which it is the last
-    updates: number of model updates: one for curved bounds of objectives, one more for curved limits
-    missed: largest excess of a predicted point over a bound or limit, as a share of the step; else the step is halved
-    active: slacks, tried in order, up to which a limit counts as active for the first multipliers
-    balance: gradient of the Lagrangian, as a share of the goal's gradient, at which these trials stop
-    """
-
+    # largest gradient of the Lagrangian at an optimum, per step of RMS length one, over Σ multipliers of F
     residual: float = 1e-8
-    violation: float = 1e-9
-    corrections: int = 3
-    contraction: float = 0.5
-    few: int = 1
-    attempts: int = 6
-    predictions: int = 3
-    predicted: float = 1e-2
-    updates: int = 2
+    violation: float = 1e-9  # largest violation of a constraint at an optimum
+    corrections: int = 3  # largest number of corrections; if more are needed, the step is halved
+    contraction: float = 0.5  # largest ratio of a correction to the one before; a larger ratio halves the step
+    few: int = 1  # largest number of corrections after which the step doubles
+    attempts: int = 6  # largest number of attempts, also failed ones; after that, solving from a fresh start is faster
+    predictions: int = 3  # largest number of Newton steps of a prediction
+    predicted: float = 1e-2  # length of a Newton step, as a share of the whole step, below which it is the last
+    updates: int = 2  # number of model updates: one for curved bounds of objectives, one more for curved limits
+    # largest excess of a predicted point over a bound or limit, as a share of the step; else the step is halved
     missed: float = 0.01
+    # slacks, tried in order, up to which a limit counts as active for the first multipliers
     active: tuple[float, ...] = (1e-7, 5e-2)
-    balance: float = 1e-6
+    balance: float = 1e-6  # gradient of the Lagrangian, as a share of the goal's gradient, at which these trials stop
 
 
 OPTIONS = ContinuationOptions()
@@ -63,7 +52,7 @@ OPTIONS = ContinuationOptions()
 class Optimum:
     """An optimum, or a guess of it, with its multipliers.
 
-    The multipliers are those of limits, then of the goal's bounds, then of the program's own bounds.
+    They are those of limits, then of the goal's bounds, then of the program's own bounds.
     """
 
     x: Point
@@ -72,22 +61,16 @@ class Optimum:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Continuation:
-    """The last optimum that was followed, with numbers of steps and corrections.
-
-    share: share of the way that was followed; below 1 the branch ends or bends back there
-    """
+    """The last optimum that was followed, with numbers of steps and corrections."""
 
     optimum: Optimum
-    share: float
+    share: float  # share of the way that was followed; below 1 the branch ends or bends back there
     steps: int
     corrections: int
 
 
 def can_follow(program: Program) -> bool:
-    """Return whether optima can be followed.
-
-    The program needs a compiled kernel and no kinks: multipliers jump at kinks.
-    """
+    """Return whether optima can be followed: by a kernel without kinks."""
     return not program.kinked and program.kernel is not None
 
 
@@ -97,8 +80,7 @@ def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
         minimise    ‖Aᵀy − gradient‖²,  rows of A: gradients of active limits and bounds
         subject to  y ≥ 0
 
-    Returns None if the point is singular or the least squares fail. Limits tightened elsewhere are not active
-    here, although they have positive multipliers.
+    Returns None if the point is singular or the least squares fail. Limits tightened elsewhere are not active here.
     """
     from paretoik.nlp.parametric_qp.local_model import first_order  # here: numba
 
@@ -129,7 +111,7 @@ def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
 def follow(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> Continuation:
     """Follow the optimum of ``goal(share)`` from share 0 towards 1.
 
-    Returns the last optimum and how far it was followed. It stops as soon as the remaining attempts cannot reach 1.
+    It stops as soon as the remaining attempts cannot reach 1.
     """
     optimum, share, step, steps, corrections = start, 0.0, 1.0, 0, 0
     kernel = program.kernel
@@ -149,10 +131,9 @@ def follow(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> C
 
 
 def correct(program: Program, start: Optimum, goal: Goal, kernel: Any = None) -> tuple[Optimum, int] | None:
-    """Return the optimum of a goal near a guess, and the corrections.
+    """Return a goal's optimum near a guess, and the number of corrections.
 
-    The second value is the number of corrections. None if too many corrections are needed. ``kernel`` is the program's
-    kernel, if the caller has it already.
+    None if too many corrections are needed. ``kernel`` is the program's kernel, if the caller has it already.
     """
     from paretoik.nlp.parametric_qp.predictor_corrector import correct as search  # here: numba
 
@@ -166,11 +147,9 @@ def correct(program: Program, start: Optimum, goal: Goal, kernel: Any = None) ->
 def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> Point | None:
     """Return the predicted optimum of ``goal(1)`` from that of ``goal(0)``.
 
-    None if no prediction succeeds.
-
     The prediction is not corrected: h(x) = 0 is satisfied exactly, limits and bounds nearly; errors of objectives are
     of the fourth power of the step. If the step is too long for the models at the start, it is halved and new models
-    are made on the way.
+    are made on the way. None if no prediction succeeds.
     """
     from paretoik.nlp.parametric_qp.predictor_corrector import predict as search  # here: numba
 
@@ -203,10 +182,7 @@ def _step_options() -> Any:
 def _bounds(
     program: Program, goal: Goal
 ) -> tuple[Float[np.ndarray, "bounds objectives"], Float[np.ndarray, " bounds"]]:
-    """Return the finite bounds: their rows and upper bounds.
-
-    The goal's bounds come first, then the program's own.
-    """
+    """Return rows and upper bounds, the goal's before the program's own."""
     finite, bounded = np.isfinite(goal.upper), np.isfinite(program.upper)
     rows = np.concatenate([goal.rows[finite], np.eye(len(program.upper))[bounded]])
     return rows, np.concatenate([goal.upper[finite], program.upper[bounded]])

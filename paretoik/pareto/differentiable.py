@@ -30,10 +30,7 @@ class Individuals:
 
 @runtime_checkable
 class Differentiable(Protocol):
-    """The part of a formulation that gradients need.
-
-    It has a nonlinear program and translates the program's points.
-    """
+    """The part of a formulation that gradients need: program and points."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -46,10 +43,7 @@ class Differentiable(Protocol):
 
     @property
     def added_samples(self) -> Mapping[str, Any]:
-        """Old and new numbers of samples, as a provenance entry.
-
-        It is empty if refinement added none.
-        """
+        """Old and new numbers of samples, if any, as a provenance entry."""
         return {}
 
     def program(self, scales: Float[ndarray, " n_obj"] | None = None) -> Program:
@@ -77,10 +71,7 @@ class Differentiable(Protocol):
         """Return points as individuals; ``genes`` are their genes if known."""
 
     def exceeded(self, individuals: Individuals) -> list[str]:
-        """Return the limits that each individual exceeds between samples, in words.
-
-        The text is "" if it exceeds none.
-        """
+        """Return in words the limits that individuals exceed between samples, or ""."""
         return [""] * len(individuals.x)
 
     def hold_between(
@@ -98,16 +89,13 @@ class Differentiable(Protocol):
         """
 
     def branches(self, x: Points) -> list[str]:
-        """Return the branch label of each point.
-
-        Points of one branch can be moved continuously into each other.
-        """
+        """Return the points' branch labels, equal if continuous moves may join them."""
 
     def cold_search(
         self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> ColdSearch:
         """Return the search for local optima without initial points.
 
-        ``starts`` is the number of starts. None means the formulation's default. ``observe`` gets the share
-        of the work that is done.
+        ``starts`` is the number of starts, None for the formulation's default. ``observe`` gets the share of the work
+        that is done.
         """

@@ -120,10 +120,7 @@ def _rescaled_ends(
     sizes: Float[np.ndarray, " n_obj"],
     solver: Solver,
 ) -> tuple[Solutions, Program, Float[np.ndarray, " n_obj"]]:
-    """Return the ends with their program and ranges.
-
-    The ranges of the ends themselves are used if they are much narrower.
-    """
+    """Return the ends, rescaled if they are much narrower, program and ranges."""
     program = program_of(ranges)
     ends = _ends(program, best, solver)
     narrower = ranges_of(ends.objectives[:, : len(best)] * ranges, sizes)
@@ -172,10 +169,7 @@ def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
 
 
 def _add_points(sweep: Sweep, cold: ColdSearch, cold_points: int, further: int) -> None:
-    """Add points between a front's ends.
-
-    Raises Interrupted after a signal.
-    """
+    """Add points between a front's ends."""
     check_interruption()
     if sweep.n_obj == 2:
         sweep.place_points(cold, cold_points, further)

@@ -1,16 +1,9 @@
-"""Move along a front from a known point to a new one.
+"""Move along a front from a known point to a new one, the best optimum that is found.
 
-The start's branch is followed, or the program is solved again.
-
-- If the branch ends or bends back, or a known point is better, the nearest known points that fulfil the wish are
-  followed to it, and a local optimum is searched from the end of the branch.
-- If none leads to the wish, the search starts from these points and from points between them and the start, and last
-  from farther points.
-- The best optimum is the result.
-
-If the front jumps, the best optimum may be in a valley without any of these points. Therefore the search also starts
-from the point behind the start, with a barrier high enough to leave a valley, if a move leaves its branch, or if a
-front of two objectives jumps directly behind or ahead of the start.
+The start's branch is followed. If it ends or bends back, or a known point is better, the nearest known points that
+fulfil the wish are followed to it; if none leads there, the program is solved from these, from points between them and
+the start, and last from farther points. If the front jumps, the best optimum may be in a valley without any of these
+points: the search also starts behind the start, with a barrier high enough to leave a valley.
 """
 
 from __future__ import annotations
@@ -32,29 +25,19 @@ from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM
 
 @dataclass(frozen=True, kw_only=True)
 class NavigationOptions:
-    """Settings of moves; objectives are divided by their ranges.
+    """Settings of moves; objectives are divided by their ranges."""
 
-    augmentation: weight ρ of the sum of all objectives
-    share: largest ρ as a share of the least weight, so that a point is the optimum of its own goal
-    neighbours: number of known points to start from
-    farther: number of further known points to start from if those lead nowhere
-    better: smallest gain that makes one point better than another
-    worthwhile: smallest share of the way for which a partly followed branch is returned
-    places: number of places between two points that are tested for a barrier
-    height: excess of an objective over both points that counts as a barrier
-    barriers: the solver's barriers, tried in order until one leads to an optimum
-    high: solver settings with a barrier that leaves valleys, and few iterations
-    """
-
-    augmentation: float = 5e-4
-    share: float = 0.5
-    neighbours: int = 3
-    farther: int = 12
-    better: float = 1e-7
-    worthwhile: float = 0.02
-    places: int = 3
-    height: float = 1e-6
+    augmentation: float = 5e-4  # weight ρ of the sum of all objectives
+    share: float = 0.5  # largest ρ as a share of the least weight, so that a point is the optimum of its own goal
+    neighbours: int = 3  # number of known points to start from
+    farther: int = 12  # number of further known points to start from if those lead nowhere
+    better: float = 1e-7  # smallest gain that makes one point better than another
+    worthwhile: float = 0.02  # smallest share of the way for which a partly followed branch is returned
+    places: int = 3  # number of places between two points that are tested for a barrier
+    height: float = 1e-6  # excess of an objective over both points that counts as a barrier
+    # the solver's barriers, tried in order until one leads to an optimum
     barriers: tuple[InteriorPointOptions, ...] = WARM.barriers
+    # solver settings with a barrier that leaves valleys, and few iterations
     high: InteriorPointOptions = InteriorPointOptions(barrier=1e-2, radius=0.02, iterations=50)
 
 
@@ -73,10 +56,7 @@ OPTIONS = NavigationOptions()
 
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """Improve one objective by a share ``by`` of its range.
-
-    ``payers`` may get worse, other objectives may not.
-    """
+    """Improve an objective by a share of its range; ``payers`` get worse."""
 
     improve: int
     payers: tuple[int, ...]
@@ -85,18 +65,14 @@ class Wish:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Aim:
-    """The goals from a start (``at_share(0)``) to the wish (``at_share(1)``).
-
-    start: objectives at the start
-    weights: weights of the objectives, divided by their ranges, at the start; their sum is 1
-    objectives: number of all objectives F of the program
-    """
+    """The goals from a start (``at_share(0)``) to the wish (``at_share(1)``)."""
 
     wish: Wish
     ranges: Float[np.ndarray, " n_obj"]
-    start: Float[np.ndarray, " n_obj"]
+    start: Float[np.ndarray, " n_obj"]  # objectives at the start
+    # weights of the objectives, divided by their ranges, at the start; their sum is 1
     weights: Float[np.ndarray, " n_obj"]
-    objectives: int
+    objectives: int  # number of all objectives F of the program
 
     @property
     def main(self) -> int:
@@ -104,10 +80,7 @@ class Aim:
         return max(self.wish.payers, key=lambda payer: self.weights[payer])
 
     def at_share(self, share: float) -> Goal:
-        """Return the goal at a share of the way to the wish.
-
-        The share is 0 at the start and 1 at the wish.
-        """
+        """Return the goal at a share of the way to the wish."""
         count, main, wish = len(self.ranges), self.main, self.wish
         identity = np.eye(count, self.objectives) / np.append(self.ranges, np.ones(self.objectives - count))
         others = [k for k in range(count) if k != main]
@@ -125,9 +98,9 @@ class Aim:
 
     @property
     def predicted(self) -> Float[np.ndarray, " n_obj"]:
-        """Predicted changes of objectives, as shares of their ranges.
+        """Changes that exchange rates predict, as shares of ranges.
 
-        They follow from the exchange rates at the start; inf without a payer.
+        They are inf without a payer.
         """
         wish, change = self.wish, np.zeros(len(self.ranges))
         change[wish.improve] = -wish.by
@@ -153,28 +126,19 @@ class FrontPoints:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Destination:
-    """The result of a move.
-
-    share: share of the wish that the point fulfils
-    followed: result of following the branch, None if the branch cannot be followed
-    arrived: whether following the branch led to this point; else it was solved again
-    jump: whether there is a barrier between the start and the point
-    """
+    """The result of a move."""
 
     x: Point
-    share: float
-    followed: Continuation | None
-    arrived: bool
-    jump: bool
+    share: float  # share of the wish that the point fulfils
+    followed: Continuation | None  # result of following the branch, None if the branch cannot be followed
+    arrived: bool  # whether following the branch led to this point; else it was solved again
+    jump: bool  # whether there is a barrier between the start and the point
 
 
 def move(
     program: Program, front: FrontPoints, start: int, aim: Aim, between: Between, *, solver: Solver = "auto"
 ) -> Destination | None:
-    """Return the result of a move from a known point.
-
-    None if no point fulfils the wish.
-    """
+    """Return the result of a move from a known point, if any."""
     # follow the start's branch, and those of rivals
     goal, neighbours = aim.at_share(1.0), _neighbours(front, start, aim)
     followed = _follow(program, front, start, goal)
@@ -236,7 +200,7 @@ def has_barrier(
 ) -> bool:
     """Return whether there is a barrier between two points.
 
-    A barrier is a place that is impossible, or worse in an objective than both points.
+    It is a place that is impossible, or worse in an objective than both points.
     """
     shares = np.arange(1, OPTIONS.places + 1) / (OPTIONS.places + 1)
     inner = between(x, other, shares)
@@ -268,7 +232,7 @@ def _follow(program: Program, front: FrontPoints, i: int, goal: Goal) -> Continu
 
 
 def _neighbours(front: FrontPoints, start: int, aim: Aim) -> list[int]:
-    """Return the neighbours: known points that improve enough.
+    """Return known points that improve enough.
 
     The points with the least excess over the other bounds come first, the nearest first on a tie.
     """
@@ -280,18 +244,12 @@ def _neighbours(front: FrontPoints, start: int, aim: Aim) -> list[int]:
 
 
 def _nearest(front: FrontPoints, aim: Aim) -> list[int]:
-    """Return all known points, the nearest to the start first.
-
-    Objectives are divided by their ranges.
-    """
+    """Return all known points, the nearest to the start first."""
     return [int(i) for i in np.argsort(np.linalg.norm((front.objectives - aim.start) / aim.ranges, axis=1))]
 
 
 def _gains(front: FrontPoints, aim: Aim) -> Float[np.ndarray, " points"]:
-    """Return known points' gains over the start in the improved objective.
-
-    They are shares of its range.
-    """
+    """Return points' gains in the improved objective, as shares of its range."""
     k = aim.wish.improve
     return np.asarray((aim.start[k] - front.objectives[:, k]) / aim.ranges[k])
 
@@ -315,10 +273,7 @@ def _solve(
     barriers: tuple[InteriorPointOptions, ...],
     solver: Solver,
 ) -> list[Point]:
-    """Return the optima that points lead to.
-
-    Each point uses the first barrier that converges.
-    """
+    """Return the optima that points lead to, by their first converging barriers."""
     optima, unsolved, starts = list[Point](), np.ones(len(points), dtype=bool), np.array(points)
     for options in barriers:
         rows = np.flatnonzero(unsolved)
@@ -332,10 +287,7 @@ def _solve(
 
 
 def _best(program: Program, candidates: list[Point], goal: Goal) -> Point | None:
-    """Return the feasible candidate with the least merit; else None.
-
-    On a tie the first one is returned.
-    """
+    """Return the feasible candidate with the least merit, if any."""
     best, lowest = None, np.inf
     for x in candidates:
         F, equalities, inequalities = program.evaluate(x)

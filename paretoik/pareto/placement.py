@@ -1,9 +1,8 @@
 """Place points of a two-objective front for the most hypervolume.
 
-Exchange rates at the points are the slopes of the front.
-
-Between two neighbours the front is modelled by the parabola with their tangents: near an end the front is a parabola,
-because an objective has its minimum there. If the tangents contradict each other, as across a jump, the chord is used.
+Between two neighbours the front is modelled by the parabola with their tangents, from exchange rates: near an end the
+front is a parabola, because an objective has its minimum there. If the tangents contradict each other, as across a
+jump, the chord is used.
 
 Source: sandwich algorithms, e.g. Rote 1992; the subset of most hypervolume, Auger, Bader, Brockhoff & Zitzler 2009.
 """
@@ -27,10 +26,10 @@ POINT_TOLERANCE = 1e-7  # share of the ranges: nearer points are one point, and 
 
 
 def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " rows"]:
-    """Return the rows of non-dominated points, sorted by the first objective.
+    """Return the rows of distinct non-dominated points, sorted by the first objective.
 
-    Repeated points are left out. ``shares`` are objectives as shares of their ranges. Points are tested in the order of
-    their sums, because a dominating point has a smaller sum. Points with a NaN are left out.
+    ``shares`` are objectives as shares of their ranges. A dominating point has a smaller sum. Points with a NaN are
+    left out.
     """
     rows = list[int]()
     for i in np.argsort(shares.sum(axis=1), kind="stable").tolist():
@@ -58,9 +57,7 @@ def fill_gaps(
     points: int,
     look_ahead: Callable[[list[tuple[int, Float[np.ndarray, " n_obj"]]]], object] | None = None,
 ) -> None:
-    """Add points in the widest gaps of the front.
-
-    It stops when there are ``points`` points or no gap yields one.
+    """Add points in the widest gaps, until ``points`` or no gap remain.
 
     add: function that minimises an objective below upper bounds (inf for its own); returns whether the point is new. At
         a jump it could add points at either edge forever, so a gap that stays as wide is closed.
@@ -95,10 +92,7 @@ def _levels(ends: Float[np.ndarray, "2 n_obj"]) -> list[tuple[int, Float[np.ndar
 
 
 def _wide_gaps(values: np.ndarray, ends: np.ndarray, *, share: float = 0.95) -> list[tuple[float, ...]]:
-    """Return the gaps left between two points that are still wide.
-
-    They are at least ``share`` of the points' distance wide.
-    """
+    """Return the gaps between two points at least ``share`` as wide."""
     size = float(np.linalg.norm(ends[1] - ends[0]))
     off = np.linalg.norm(values[:, None] - ends, axis=2)
     inside = np.sum(off**2, axis=1) <= size**2 * (1 + 1e-9)
@@ -113,10 +107,7 @@ def is_duplicate(value: Float[np.ndarray, " n_obj"], others: Float[np.ndarray, "
 
 
 def _gaps(values: np.ndarray) -> list[tuple[int, int]]:
-    """Return pairs of neighbours, the widest first.
-
-    Neighbours have no other point in the ball between them.
-    """
+    """Return pairs of neighbours, without points in their ball, the widest first."""
     square = np.sum((values[:, None] - values[None]) ** 2, axis=2)
     inside = square[:, None, :] + square[None, :, :] < square[:, :, None]  # (i, j, k): whether k is between i and j
     first, second = np.nonzero(np.triu(~inside.any(axis=2) & (square > (10 * POINT_TOLERANCE) ** 2), 1))
@@ -129,15 +120,11 @@ def _gaps(values: np.ndarray) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True, kw_only=True)
 class PlacementOptions:
-    """Settings of the placement.
+    """Settings of the placement."""
 
-    places: number of places tested in every gap
-    total: approximate largest number of places in all gaps; each gap has fewer if there are many gaps
-    gain: least gain of a replacement when there are enough points, as a share of the hypervolume in all gaps
-    """
-
-    places: int = 31
-    total: int = 400
+    places: int = 31  # number of places tested in every gap
+    total: int = 400  # approximate largest number of places in all gaps; each gap has fewer if there are many gaps
+    # least gain of a replacement when there are enough points, as a share of the hypervolume in all gaps
     gain: float = 0.005
 
 
@@ -146,18 +133,12 @@ OPTIONS = PlacementOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Gap:
-    """Two neighbours of a front and the model curve between them.
+    """Two neighbours of a front and the model curve between them."""
 
-    places: places on the curve in order; the first and the last are the neighbours
-    area: hypervolume that the whole curve adds to its ends
-    contradicts: whether the tangents contradict each other; the curve is the chord then
-    is_concave: whether the curve is above the chord
-    """
-
-    places: Float[np.ndarray, "places 2"]
-    area: float
-    contradicts: bool
-    is_concave: bool
+    places: Float[np.ndarray, "places 2"]  # places on the curve in order; the first and the last are the neighbours
+    area: float  # hypervolume that the whole curve adds to its ends
+    contradicts: bool  # whether the tangents contradict each other; the curve is the chord then
+    is_concave: bool  # whether the curve is above the chord
 
     @cached_property
     def subsets(self) -> BestSubsets:
@@ -167,10 +148,7 @@ class Gap:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Target:
-    """A place for one more point.
-
-    It has its gap and the hypervolume that it adds to the gap's two ends.
-    """
+    """A place for one more point, and the hypervolume that it adds."""
 
     gap: int
     values: Float[np.ndarray, " 2"]
@@ -197,10 +175,7 @@ class BestSubsets:
             self._best.append(sums.max(axis=0))
 
     def rows(self, count: int) -> Int[np.ndarray, " rows"]:
-        """Return the rows of the best subset of ``count`` points.
-
-        ``count`` is at least 2 and at most the number of points.
-        """
+        """Return the rows of the best subset of ``count`` ≥ 2 points."""
         self._extend(count)
         rows = [len(self._gain) - 1]
         for before in reversed(self._before[: count - 2]):
@@ -208,10 +183,7 @@ class BestSubsets:
         return np.array([0, *reversed(rows)])
 
     def volume(self, count: int) -> float:
-        """Return the best subset's hypervolume less its cost, for ``count`` points.
-
-        ``count`` is at least 2 and at most the number of points.
-        """
+        """Return the hypervolume less cost of ``count`` ≥ 2 points."""
         self._extend(count)
         return float(self._best[count - 2][-1])
 
@@ -219,20 +191,13 @@ class BestSubsets:
 def best_rows(
     values: Float[np.ndarray, "points 2"], count: int, cost: Float[np.ndarray, " points"] | float = 0.0
 ) -> Int[np.ndarray, " rows"]:
-    """Return the rows of the points with most hypervolume less ``cost``.
-
-    There are at most ``count`` points; both ends are included. ``values`` are mutually non-dominated and sorted by the
-    first objective.
-    """
+    """Return the rows of ``count`` points with most hypervolume less ``cost``."""
     count = max(count, 2)
     return np.arange(len(values)) if len(values) <= count else BestSubsets(values, cost).rows(count)
 
 
 def gap_between(values: Float[np.ndarray, "2 2"], weights: Float[np.ndarray, "2 2"]) -> Gap:
-    """Return the gap between two neighbours.
-
-    ``weights`` are the weights of the objectives at each, NaN if unknown.
-    """
+    """Return the gap between two neighbours with weights of objectives, or NaN."""
     left, right = values
     meeting = tangents_meet(left, right, *weights)
     control = values.mean(axis=0) if meeting is None else meeting
@@ -243,10 +208,9 @@ def gap_between(values: Float[np.ndarray, "2 2"], weights: Float[np.ndarray, "2 
 
 
 def hull_pairs(values: Float[np.ndarray, "points 2"]) -> list[tuple[int, int]]:
-    """Return hull neighbours with other points between them, as rows.
+    """Return neighbours on the lower convex hull with others between, as rows.
 
-    The hull is the lower convex hull. ``values`` are sorted by the first objective. Points above the hull may be on a
-    worse branch.
+    Points above the hull may be on a worse branch. ``values`` are sorted by the first objective.
     """
     hull = list[int]()
     for i, value in enumerate(values):

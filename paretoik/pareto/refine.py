@@ -26,6 +26,7 @@ from paretoik.nlp.program import (
     program_key,
     violation_at,
 )
+from paretoik.pareto.certificates import OPTIONS as CERTIFICATES
 from paretoik.pareto.certificates import criticality_at, criticality_bound, weights_at
 from paretoik.pareto.continuation import can_follow, correct, guess_optimum
 from paretoik.pareto.differentiable import Differentiable
@@ -39,19 +40,13 @@ from paretoik.stop_flag import Interrupted, check_interruption
 
 @dataclass(frozen=True, kw_only=True)
 class ImproverOptions:
-    """When and how much gradients help.
+    """When and how much gradients help."""
 
-    every: number of generations between two uses of gradients
-    share: largest number of iterations, as a share of all evaluations
-    gaps: number of widest gaps that are targets each time
-    weight: weight of the objectives that are not minimised
-    brief: solver settings with few iterations per point
-    """
-
-    every: int = 10
-    share: float = 0.3
-    gaps: int = 4
-    weight: float = 1e-6
+    every: int = 10  # number of generations between two uses of gradients
+    share: float = 0.3  # largest number of iterations, as a share of all evaluations
+    gaps: int = 4  # number of widest gaps that are targets each time
+    weight: float = 1e-6  # weight of the objectives that are not minimised
+    # solver settings with few iterations per point
     brief: InteriorPointOptions = InteriorPointOptions(barrier=1e-2, iterations=5, radius=0.1)
 
 
@@ -68,13 +63,11 @@ def suggest_points(
 ) -> tuple[Float[np.ndarray, " suggested *point"], int]:
     """Return points a few iterations from a front, and the iteration count.
 
-    The front has at least two points.
-
         minimise    F̂_m + weight · Σ F̂_j        F̂: objectives divided by their ranges
         subject to  F_j ≤ ε_j for j ≠ m
 
     At the ends of the front ε is infinite; in its widest gaps ε is the middle of the gap; for the best point of every
-    branch ε are its own objectives.
+    branch ε are its own objectives. The front has at least two points.
     """
     count, ranges = F.shape[1], ranges_of(F)
     shares = F / ranges
@@ -99,8 +92,8 @@ def suggest_points(
 class SearchImprover:
     """A source of genes for a search, by gradients from its front.
 
-    The genes are those of points of ``formulation`` after a few iterations. ``spent`` is the number of iterations; one
-    counts as an evaluation. Raises InvalidInput if an objective or limit has no derivative.
+    ``spent`` is the number of iterations; one counts as an evaluation. Raises InvalidInput if an objective or limit has
+    no derivative.
     """
 
     def __init__(self, search: Any, formulation: Differentiable, solver: Solver = "auto") -> None:
@@ -109,10 +102,7 @@ class SearchImprover:
         self._program = formulation.program()
 
     def __call__(self, progress: Any) -> Genes | None:
-        """Return genes to evaluate next, or None.
-
-        ``progress`` has the generation and the number of evaluations so far.
-        """
+        """Return genes to evaluate next, or None, at a search's progress."""
         front, options = self._search.archive.members, IMPROVER_OPTIONS
         due = progress.generation % options.every == 0 and self.spent <= options.share * progress.evaluations
         if not due or front is None or len(front) < 2:
@@ -134,33 +124,20 @@ class RefineOptions:
       converge or an objective rises.
     - A critical point is perhaps only weakly optimal if an objective has no weight: this objective may still gain.
       These points are refined ``below`` too.
-
-    weight: weight of the sum of all objectives, added to the first, so that no nearly free gain is left
-    critical: largest criticality of a point that is not refined
-    flat: largest criticality of an optimum whose stationarity is too large
-    stationary: largest stationarity of an optimum
-    violation: largest violation of a feasible point
-    rise: largest rise of an objective that counts as 0
-    no_weight: least weight that counts, as a share of all weights
-    gain: smallest gain for which a refined weak optimum is kept
-    batch: number of points refined between two calls of the observer, which may end the refinement
-    straight: solver settings of the first attempt, in which all objectives gain at least as much as the first
-    below: solver settings for equal weights if no objective may rise (Benson 1978); it needs a tenth of the iterations
-        if the straight way is curved
-    near, cold: solver settings of further attempts like ``straight``
     """
 
-    weight: float = 0.1
-    critical: float = 1e-8
-    flat: float = 1e-6
-    stationary: float = 1e-6
-    violation: float = FEASIBLE
-    rise: float = 1e-9
-    no_weight: float = 1e-6
-    gain: float = 1e-6
-    batch: int = 4
+    weight: float = 0.1  # weight of the sum of all objectives, added to the first, so that no nearly free gain is left
+    critical: float = 1e-8  # largest criticality of a point that is not refined
+    stationary: float = 1e-6  # largest stationarity of an optimum
+    rise: float = 1e-9  # largest rise of an objective that counts as 0
+    gain: float = 1e-6  # smallest gain for which a refined weak optimum is kept
+    batch: int = 4  # number of points refined between two calls of the observer, which may end the refinement
+    # solver settings of the first attempt, in which all objectives gain at least as much as the first
     straight: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02, iterations=75)
+    # solver settings for equal weights if no objective may rise (Benson 1978); it needs a tenth of the iterations if
+    # the straight way is curved
     below: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
+    # near, cold: solver settings of further attempts like ``straight``
     near: InteriorPointOptions = InteriorPointOptions(barrier=1e-6, radius=0.02)
     cold: InteriorPointOptions = InteriorPointOptions(barrier=0.1, radius=0.2)
 
@@ -201,10 +178,9 @@ def refine(
 def _refine_here(
     program: Program, x: Points, n_obj: int, solver: Solver, keys: Sequence[bytes | None]
 ) -> Iterator[tuple[int, Values]]:
-    """Yield every point's index and refined values.
+    """Yield every point's index and refined values, remembered in the run's journal.
 
-    Values in the run's journal are used again. Raises Interrupted after a signal, after yielding the better points
-    found so far.
+    Raises Interrupted after a signal, after yielding the better points found so far.
     """
     attempts = _attempts(n_obj, len(program.upper))
     for first in range(0, len(x), OPTIONS.batch):
@@ -216,8 +192,7 @@ def _refine_here(
             _refine_rows(program, points, converged, attempts, n_obj, solver)
             # replace weak optima (an objective has no weight) in place, by points that gain at no cost
             below = attempts[1]
-            n_obj = len(below.rows)
-            weak = np.flatnonzero(weights_at(program, points, n_obj).min(axis=1, initial=1.0) < OPTIONS.no_weight)
+            weak = np.flatnonzero(weights_at(program, points, n_obj).min(axis=1, initial=1.0) < CERTIFICATES.weight)
             if len(weak):
                 before = evaluate_points(program, points[weak])
                 upper = before.objectives @ below.rows.T
@@ -225,7 +200,7 @@ def _refine_here(
                     program, points[weak], below.weights, upper, below.options, rows=below.rows, solver=solver
                 )
                 gain = (before.objectives - solutions.objectives)[:, :n_obj].max(axis=1)
-                better = _no_worse(program, points[weak], solutions, n_obj) & (solutions.violation <= OPTIONS.violation)
+                better = _no_worse(program, points[weak], solutions, n_obj) & (solutions.violation <= FEASIBLE)
                 accepted = better & (gain > OPTIONS.gain)
                 points[weak[accepted]] = solutions.x[accepted]
         except Interrupted as signal:
@@ -240,10 +215,7 @@ def _refine_here(
 def _refine_in_workers(
     program: Program, x: Points, n_obj: int, solver: Solver, keys: Sequence[bytes | None]
 ) -> Iterator[tuple[int, Values]]:
-    """Yield every point's index and values, refined by workers.
-
-    Lost points stay the same.
-    """
+    """Yield every point's index and values, refined by workers if possible."""
     check_interruption()
     attempt = _attempts(n_obj, len(program.upper))[0]
     compile_method(program, x[0], attempt.weights, attempt.options, solver=solver)
@@ -268,10 +240,7 @@ def _values_of(point: Point, converged: Any) -> Values:
 
 
 class _Attempt(NamedTuple):
-    """Minimise weights · F(y) with rows · F(y) ≤ rows · F(x).
-
-    x is the start.
-    """
+    """Minimise weights · F(y) with rows · F(y) ≤ rows · F(start)."""
 
     weights: Float[np.ndarray, "1 objectives"]
     rows: Float[np.ndarray, "n_obj objectives"]
@@ -301,10 +270,7 @@ def _refine_rows(
     n_obj: int,
     solver: Solver,
 ) -> None:
-    """Refine points in place.
-
-    Raises Interrupted after a signal; converged points are kept.
-    """
+    """Refine points in place, also if a signal raises Interrupted."""
     for i, one in enumerate(x):
         check_interruption()
         converged[i] = _is_critical(program, one, n_obj, OPTIONS.critical, criticality_bound)
@@ -322,9 +288,19 @@ def _refine_rows(
                 _keep(program, x, converged, remaining, stop.partial, attempt)
             raise
         better = _keep(program, x, converged, remaining, solutions, attempt)
-        if solver != "sqp" and can_follow(program):
-            for i in better[~converged[better]]:
-                _correct(program, x, converged, int(i), attempt)
+        if solver == "sqp" or not can_follow(program):
+            continue
+        # the critical points of Newton's method, if they are no worse: in a flat valley rounding hides a gain from the
+        # solver's merit function; gradients still show it
+        for i in better[~converged[better]]:
+            goal = Goal(weights=attempt.weights[0], rows=attempt.rows, upper=attempt.rows @ program.evaluate(x[i])[0])
+            guess = guess_optimum(program, x[i], goal)
+            corrected = None if guess is None else correct(program, guess, goal)
+            if corrected is not None:
+                point: Point = corrected[0].x
+                no_worse = _no_worse(program, x[[i]], evaluate_points(program, point[None]), n_obj)[0]
+                if no_worse and _is_critical(program, point, n_obj, CERTIFICATES.critical, criticality_at):
+                    x[i], converged[i] = point, True
 
 
 def _keep(
@@ -337,8 +313,6 @@ def _keep(
 ) -> Int[np.ndarray, " better"]:
     """Replace points by solutions that are no worse; return the replaced rows.
 
-    The solutions are optimal or only feasible.
-
     An optimum of the attempt is optimal for the front only if no objective has a negative weight: in a straight attempt
     the first objective may have to rise for the others to fall.
     """
@@ -346,41 +320,20 @@ def _keep(
     weights = attempt.weights + solutions.bound_multipliers[:, :n_obj] @ attempt.rows
     critical = (solutions.stationarity <= OPTIONS.stationary) & (weights[:, :n_obj].min(axis=1) >= 0.0)
     better = _no_worse(program, x[rows], solutions, n_obj)
-    feasible = solutions.violation <= OPTIONS.violation
+    feasible = solutions.violation <= FEASIBLE
     good = better & (solutions.converged | (feasible & np.isfinite(solutions.objectives).all(axis=1)))
     x[rows[good]] = solutions.x[good]
     for i, solved, optimal in zip(rows[good], solutions.converged[good], critical[good], strict=True):
         # in a flat valley rounding hides a gain from the solver, but all objectives together may still gain
-        converged[i] = solved and (optimal or _is_critical(program, x[i], n_obj, OPTIONS.flat, criticality_at))
+        converged[i] = solved and (optimal or _is_critical(program, x[i], n_obj, CERTIFICATES.critical, criticality_at))
     return rows[good]
 
 
-def _correct(program: Program, x: Points, converged: Bool[np.ndarray, " points"], i: int, attempt: _Attempt) -> None:
-    """Replace a point by the critical point of Newton's method.
-
-    The new point must be no worse. In a flat valley rounding hides a gain from the solver's merit function; gradients
-    still show it.
-    """
-    n_obj = len(attempt.rows)
-    goal = Goal(weights=attempt.weights[0], rows=attempt.rows, upper=attempt.rows @ program.evaluate(x[i])[0])
-    guess = guess_optimum(program, x[i], goal)
-    corrected = None if guess is None else correct(program, guess, goal)
-    if corrected is None:
-        return
-    point: Point = corrected[0].x
-    no_worse = _no_worse(program, x[i : i + 1], evaluate_points(program, point[None]), n_obj)[0]
-    if no_worse and _is_critical(program, point, n_obj, OPTIONS.flat, criticality_at):
-        x[i], converged[i] = point, True
-
-
 def _no_worse(program: Program, x: Points, solutions: Solutions, n_obj: int) -> Bool[np.ndarray, " points"]:
-    """Return which solutions are no worse than their starts.
-
-    No objective may be worse, unless the start is infeasible.
-    """
+    """Return which solutions are no worse than their feasible starts."""
     before = evaluate_points(program, x)
     rise = (solutions.objectives - before.objectives)[:, :n_obj].max(axis=1)
-    return (rise <= OPTIONS.rise) | (before.violation > OPTIONS.violation)
+    return (rise <= OPTIONS.rise) | (before.violation > FEASIBLE)
 
 
 def _is_critical(
@@ -390,13 +343,10 @@ def _is_critical(
     tolerance: float,
     value: Callable[[Program, Linearisation, np.ndarray], float],
 ) -> bool:
-    """Return whether a point is feasible and its criticality is almost 0.
-
-    ``value`` returns the criticality or an upper bound of it.
-    """
+    """Return whether a point is feasible and ``value``, its criticality, almost 0."""
     try:
         at = program.linearise(x)
-        if violation_at(program, at) > OPTIONS.violation:
+        if violation_at(program, at) > FEASIBLE:
             return False
         return value(program, at, np.ones(n_obj)) <= tolerance
     except (SolverFailed, EvaluationFailed):

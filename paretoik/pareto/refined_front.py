@@ -15,12 +15,13 @@ from paretoik.compilation_notices import computing_clock
 from paretoik.errors import Infeasible, SolverFailed
 from paretoik.front.front import Front
 from paretoik.front.hypervolume import non_dominated, ranges_of
+from paretoik.nlp.program import FEASIBLE
 from paretoik.pareto.certified_front import Certifier, certified_front, no_worse
 from paretoik.pareto.differentiable import Differentiable
 from paretoik.pareto.epsilon import epsilon_points
 from paretoik.pareto.placement import POINT_TOLERANCE, front_rows
 from paretoik.pareto.refine import refine
-from paretoik.pareto.scalarisation import WARM_OPTIONS, evaluate_points
+from paretoik.pareto.scalarisation import evaluate_points
 from paretoik.pareto.sweep import SweepProgress
 from paretoik.progress import count_observer, is_due
 from paretoik.stop_flag import STOP, Interrupted, check_interruption
@@ -30,18 +31,13 @@ from paretoik.stop_flag import STOP, Interrupted, check_interruption
 class RefinementOptions:
     """Settings of repeated refinement.
 
-        rounds: most rounds of refinement
-        shrinkage: share of its former size below which a range requires another round
-        smallest_share: smallest size of a range, as a share of its former size; smaller ranges are near solver
-            tolerances
-
     Criticality is measured in shares of the ranges: over the wide ranges of a coarse search it is almost 0 at points
     that are not critical over the ranges of the final front.
     """
 
-    rounds: int = 3
-    shrinkage: float = 0.5
-    smallest_share: float = 1e-3
+    rounds: int = 3  # most rounds of refinement
+    shrinkage: float = 0.5  # share of its former size below which a range requires another round
+    smallest_share: float = 1e-3  # smallest share of a range's former size; smaller ranges are near solver tolerances
 
 
 OPTIONS = RefinementOptions()
@@ -49,29 +45,18 @@ OPTIONS = RefinementOptions()
 
 @dataclass(frozen=True, kw_only=True)
 class Completion:
-    """Points that are added to a refined front.
+    """Settings of points added to a front: optima, and points in gaps."""
 
-    They are the best that ``plan`` finds, and those that gain most in gaps.
-
-    points: largest number of points of the front, or its own number if that is larger
-    seed: seed of the starts
-    first_id: id of the first new point
-    starts: number of starts per objective; fewer than without a search, because the search has explored already
-    cold_points: number of points that are also searched from starts
-    """
-
-    points: int
-    seed: int
-    first_id: int
+    points: int  # largest number of points of the front, or its own number if that is larger
+    seed: int  # seed of the starts
+    first_id: int  # id of the first new point
+    # number of starts per objective; fewer than without a search, because the search has explored already
     starts: int = 24
-    cold_points: int = 0
+    cold_points: int = 0  # number of points that are also searched from starts
 
 
 class RefinedFront(NamedTuple):
-    """A refined, certified front.
-
-    It records which points converged and whether an observer ended it.
-    """
+    """A certified front, converged points, and whether an observer ended it."""
 
     front: Front
     converged: Bool[np.ndarray, " points"]
@@ -88,10 +73,9 @@ def refined_front(
     before: Front | None = None,
     completion: Completion | None = None,
 ) -> RefinedFront:
-    """Return the refined and certified front of points.
+    """Return the refined and certified front of points, with a ``completion``'s points.
 
-    If a ``completion`` is given, its points are added. Points that became worse than on the front ``before`` are
-    restored.
+    Points that became worse than on the front ``before`` are restored.
     """
     formulation = certifier.formulation
     with certifier.reserve_later(len(x)):
@@ -144,10 +128,7 @@ def _refine_over_own_ranges(
 def _completed(
     completion: Completion, certifier: Certifier, x: Points, ids: Ids, ranges: Values
 ) -> tuple[Float[np.ndarray, " completed *point"], Int[np.ndarray, " completed"], Values]:
-    """Return points completed by new ones, their ids and ranges.
-
-    They stay as they are if the planner finds nothing.
-    """
+    """Return points completed by new ones, if any, ids and ranges."""
     formulation, solver, observe = certifier.formulation, certifier.solver, certifier.observe
     began = computing_clock()
 
@@ -187,7 +168,7 @@ def merge_front(front: Front, formulation: Differentiable, x: Points, first_id: 
     violation = evaluate_points(formulation.program(), x).violation
     values = np.concatenate([front.minimised, individuals.objectives])
     shares = values / ranges_of(values)
-    feasible = np.flatnonzero(np.append(np.ones(len(front), dtype=bool), violation <= WARM_OPTIONS.violation))
+    feasible = np.flatnonzero(np.append(np.ones(len(front), dtype=bool), violation <= FEASIBLE))
     rows = feasible[non_dominated(shares[feasible])]
     if (rows < len(front)).all():
         return front

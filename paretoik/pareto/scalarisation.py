@@ -33,10 +33,8 @@ Observe: TypeAlias = Callable[..., object]
 def objective_sizes(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, " n_obj"]:
     """Return the size of every objective at points.
 
-    It is the largest |F|, or the largest first-order change of F in a step of 1 if that is more.
-
-    The step has RMS length 1 rad along the gradient: at optima F itself may be only rounding. Changes by auxiliary
-    variables have no such length and do not count.
+    It is the largest |F|, or first-order change of F in a step of RMS length 1 rad along the gradient if that is more:
+    at optima F itself may be only rounding. Changes by auxiliary variables have no such length and do not count.
     """
     at = [program.linearise(one) for one in x]
     values = np.array([each.objectives[:n_obj] for each in at])
@@ -46,10 +44,7 @@ def objective_sizes(program: Program, x: Points, n_obj: int) -> Float[np.ndarray
 
 
 def main_weights(n_obj: int, mains: Int[np.ndarray, " rows"], weight: float | np.ndarray) -> np.ndarray:
-    """Return weights (rows, n_obj): 1 for main objectives, ``weight`` for others.
-
-    ``weight`` is one number or one per row.
-    """
+    """Return weights (rows, n_obj): 1 for main objectives, ``weight`` for others."""
     weights = np.repeat(np.broadcast_to(weight, len(mains))[:, None], n_obj, axis=1)
     weights[np.arange(len(mains)), mains] = 1.0
     return weights
@@ -98,19 +93,15 @@ def minimise_weighted(
 
 @dataclass(frozen=True, kw_only=True)
 class WarmStartOptions:
-    """Settings of minimisation from known points.
+    """Settings of minimisation from known points."""
 
-    barriers: tried in order until one leads to a better point; a barrier above 1e-3 may leave the basin of a point
-    violation: largest violation of a feasible point, as a share of a limit's range
-    rounding: a solution worse by at most this share of the objective's size shows that its start is optimal
-    """
-
+    # tried in order until one leads to a better point; a barrier above 1e-3 may leave the basin of a point
     barriers: tuple[InteriorPointOptions, ...] = (
         InteriorPointOptions(barrier=1e-4, radius=0.02),
         InteriorPointOptions(barrier=1e-6, radius=0.02),
         InteriorPointOptions(barrier=1e-3, radius=0.02),
     )
-    violation: float = FEASIBLE
+    # a solution worse by at most this share of the objective's size shows that its start is optimal
     rounding: float = 1e-7
 
 
@@ -118,10 +109,7 @@ WARM_OPTIONS = WarmStartOptions()
 
 
 def evaluate_points(program: Program, x: Points) -> Solutions:
-    """Return points as they are, with objectives and violations.
-
-    None of them counts as optimal.
-    """
+    """Return points, none counted as optimal, with objectives and violations."""
     ends = [program.evaluate(one) for one in x]
     violation = [violation_of(program, *each) for each in ends]
     return Solutions(
@@ -140,14 +128,12 @@ def minimise_from(
 ) -> Solutions:
     """Return the local minima of weights · F that points lead to.
 
-    None is worse than a feasible start.
-
-    If no barrier improves a feasible start, the start is returned: as converged if a solution equals it to rounding,
-    else with the status of no progress.
+    None is worse than a feasible start. If no barrier improves a feasible start, it is returned: as converged if a
+    solution equals it to rounding, else with the status of no progress.
     """
     factors = np.pad(weights, (0, len(program.upper) - len(weights)))
     starts = evaluate_points(program, x)
-    feasible = starts.violation <= WARM_OPTIONS.violation
+    feasible = starts.violation <= FEASIBLE
     start_merit = np.where(feasible, starts.objectives @ factors, np.inf)
     solutions, best = starts[:], start_merit.copy()
     optimal, unsolved = np.zeros(len(x), dtype=bool), np.ones(len(x), dtype=bool)
@@ -170,7 +156,7 @@ def minimise_from(
 
 def insert_best(optima: Solutions, others: Solutions, weights: Float[np.ndarray, " n_obj"]) -> Solutions:
     """Return optima with the best feasible other first, if it beats all."""
-    feasible = others[others.violation <= WARM_OPTIONS.violation]
+    feasible = others[others.violation <= FEASIBLE]
     if not len(feasible):
         return optima
     factors = np.pad(weights, (0, feasible.objectives.shape[1] - len(weights)))
@@ -185,21 +171,14 @@ def insert_best(optima: Solutions, others: Solutions, weights: Float[np.ndarray,
 
 @dataclass(frozen=True, kw_only=True)
 class ColdSearchOptions:
-    """Settings of cold searches.
+    """Settings of cold searches."""
 
-    starts: default number of starts
-    weight: weight of the other objectives when one is minimised; without it they may be unbounded
-    initial: number of initial points, best in an objective, from which its optima are searched
-    batch: number of starts between two calls of the observer
-    distinct: distance (rad or m, RMS) below which points are one
-    barrier, second_barrier: solver settings of the first and the second attempt
-    """
-
-    starts: int = 48
-    weight: float = 1e-3
-    initial: int = 4
-    batch: int = 4
-    distinct: float = 0.01
+    starts: int = 48  # default number of starts
+    weight: float = 1e-3  # weight of the other objectives when one is minimised; without it they may be unbounded
+    initial: int = 4  # number of initial points, best in an objective, from which its optima are searched
+    batch: int = 4  # number of starts between two calls of the observer
+    distinct: float = 0.01  # distance (rad or m, RMS) below which points are one
+    # barrier, second_barrier: solver settings of the first and the second attempt
     barrier: InteriorPointOptions = InteriorPointOptions(barrier=1e-2)
     second_barrier: InteriorPointOptions = InteriorPointOptions(barrier=0.1)
 
@@ -224,16 +203,15 @@ class ColdSearch(Protocol):
     def optima_below(
         self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float
     ) -> Solutions | None:
-        """Return one objective's optima from cold starts, others below ``upper``.
+        """Return an objective's optima from cold starts, others below ``upper``.
 
-        None if there are none. The objectives of ``program`` are divided by their ranges; the others count with
-        ``weight``.
+        The objectives of ``program`` are divided by their ranges; the others count with ``weight``.
         """
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StartSearch:
-    """A ``ColdSearch`` that minimises from all ``starts``; ``names``: names of the objectives."""
+    """A ``ColdSearch`` that minimises from all ``starts``."""
 
     program_of: Callable[[Float[np.ndarray, " n_obj"]], Program]
     starts: Points
@@ -305,9 +283,7 @@ def optima_alone(
     initial: Float[np.ndarray, " initial *point"] | None,
     solver: Solver,
 ) -> Points:
-    """Return one objective's local optima, best first.
-
-    Feasible ``initial`` points are starts too.
+    """Return one objective's optima, best first, also from feasible ``initial`` points.
 
     From initial points the other objectives have a small weight: else one could rise without bound along a direction
     that costs the first nothing. Raises the errors of ``cold`` if there are no initial points.

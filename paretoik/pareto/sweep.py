@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise, product
-from typing import Literal, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -33,49 +33,37 @@ from paretoik.runs.distribution import workers
 
 @dataclass(frozen=True, kw_only=True)
 class EpsilonOptions:
-    """Settings of a sweep; values are shares of the objectives' ranges.
+    """Settings of a sweep; values are shares of the objectives' ranges."""
 
-    end_tolerance: largest loss of an objective at its end of the front, in favour of the others
-    end_weight: first weight of the other objectives at an end
-    narrower: ratio of the ends' ranges to the optima's ranges, below which ends are searched again with their own
-        ranges
-    weight: weight of the other objectives at any ε; without it a point may be only weakly optimal
-    cold_points: number of first points that are also searched from cold starts (two objectives)
-    cold_optima: number of best optima used from each cold search
-    inner: ε of each objective's cold search, between nadir (0) and ideal (1) (more than two objectives)
-    falls_short: missing share of the expected gain at which the second neighbour is a start too
-    further, further_share: largest number of extra points to solve, also as a share of all points; the larger counts
-    grid: number of even steps in a gap to which ε is rounded
-    nearest: number of nearest points from which every ε starts (more than two objectives)
-    neighbours, rounds, basin_iterations: number of neighbours whose basins each point tries, largest number of rounds,
-        and iterations per try
-    batch: number of points minimised between two calls of the observer
-    resolution, resolved_distance: differences of the ends below which the front is one point: a share of every
-        objective's size, and an RMS distance in rad or arm lengths. The solver's last barrier leaves differences of
-        this size.
-    warm: solver settings for starts from a nearby point
-    near, cold: solver settings of second attempts at ends: in a flat valley one may lose the point or find a better one
-    """
-
-    end_tolerance: float = 1e-6
-    end_weight: float = 1e-3
+    end_tolerance: float = 1e-6  # largest loss of an objective at its end of the front, in favour of the others
+    end_weight: float = 1e-3  # first weight of the other objectives at an end
+    # ratio of the ends' ranges to the optima's ranges, below which ends are searched again with their own ranges
     narrower: float = 0.5
-    weight: float = 5e-4
-    cold_points: int = 3
-    cold_optima: int = 4
-    inner: float = 0.5
-    falls_short: float = 0.02
+    weight: float = 5e-4  # weight of the other objectives at any ε; without it a point may be only weakly optimal
+    cold_points: int = 3  # number of first points that are also searched from cold starts (two objectives)
+    cold_optima: int = 4  # number of best optima used from each cold search
+    inner: float = 0.5  # ε of each objective's cold search, between nadir (0) and ideal (1) (more than two objectives)
+    falls_short: float = 0.02  # missing share of the expected gain at which the second neighbour is a start too
+    # further, further_share: largest number of extra points to solve, also as a share of all points; the larger counts
     further: int = 4
     further_share: float = 0.5
-    grid: int = 256
-    nearest: int = 4
+    grid: int = 256  # number of even steps in a gap to which ε is rounded
+    nearest: int = 4  # number of nearest points from which every ε starts (more than two objectives)
+    # neighbours, rounds, basin_iterations: number of neighbours whose basins each point tries, largest number of
+    # rounds, and iterations per try
     neighbours: int = 2
     rounds: int = 3
     basin_iterations: int = 60
-    batch: int = 8
+    batch: int = 8  # number of points minimised between two calls of the observer
+    # resolution, resolved_distance: differences of the ends below which the front is one point: a share of every
+    # objective's size, and an RMS distance in rad or arm lengths. The solver's last barrier leaves differences of this
+    # size.
     resolution: float = 1e-7
     resolved_distance: float = 1e-3
+    # solver settings for starts from a nearby point
     warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
+    # near, cold: solver settings of second attempts at ends: in a flat valley one may lose the point or find a better
+    # one
     near: InteriorPointOptions = InteriorPointOptions(barrier=1e-6, radius=0.02)
     cold: InteriorPointOptions = InteriorPointOptions(barrier=0.1, radius=0.2)
 
@@ -93,9 +81,9 @@ Key: TypeAlias = tuple[bytes, int, bytes, InteriorPointOptions]
 
 
 class Level(NamedTuple):
-    """Minimise F_main + weight · Σ F_j with F_j ≤ ε_j.
+    """A minimisation of one objective, with small weights of others.
 
-    The start is ``x``; ``upper`` is ε, inf for ``main``.
+    It is F_main + weight · Σ F_j with F_j ≤ ε_j from x; ``upper`` is ε, inf for ``main``.
     """
 
     x: Point
@@ -112,35 +100,22 @@ class Level(NamedTuple):
 # The sweep: its points and its progress.
 
 
-SweepPhase: TypeAlias = Literal["", "gap filling", "jump search", "basin exchange"]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SweepProgress:
-    """The progress of a sweep.
+    """The progress of a sweep."""
 
-    done, total: number of points on the front so far, and number of points requested
-    x: all points so far
-    objectives: objectives of all points, minimised, in natural units
-    front: rows of non-dominated points
-    epsilon: upper bounds of the last minimisation, inf for the minimised objective; None without bounds
-    ranges: divisors of the objectives in the sweep
-    solved: number of solved levels
-    ahead: estimated number of further levels; None during cold searches
-    phase: "" until points are placed; then "gap filling" (extra points replace others), "jump search" (better branches
-        next to jumps of the front) or "basin exchange" (every point in the basins of its neighbours)
-    """
-
+    # done, total: number of points on the front so far, and number of points requested
     done: int
     total: int
-    x: Points
-    objectives: Float[np.ndarray, "points n_obj"]
-    front: Int[np.ndarray, " front"]
+    x: Points  # all points so far
+    objectives: Float[np.ndarray, "points n_obj"]  # objectives of all points, minimised, in natural units
+    front: Int[np.ndarray, " front"]  # rows of non-dominated points
+    # upper bounds of the last minimisation, inf for the minimised objective; None without bounds
     epsilon: Float[np.ndarray, " n_obj"] | None
-    ranges: Float[np.ndarray, " n_obj"]
-    solved: int
-    ahead: float | None
-    phase: SweepPhase
+    ranges: Float[np.ndarray, " n_obj"]  # divisors of the objectives in the sweep
+    solved: int  # number of solved levels
+    ahead: float | None  # estimated number of further levels; None during cold searches
+    phase: str  # "" until points are placed; then what is done, in words
 
 
 ObserveSweep: TypeAlias = Callable[[SweepProgress], object]
@@ -148,43 +123,30 @@ ObserveSweep: TypeAlias = Callable[[SweepProgress], object]
 
 @dataclass(kw_only=True, eq=False)
 class Sweep:
-    """The state of a sweep.
-
-    objectives: objectives of the points, divided by ``ranges``
-    weights: weights of the objectives in the Lagrangian, NaN if unknown
-    epsilon: bounds of the last minimisation, None without bounds
-    cold_points: number of points that are still to be searched from cold starts
-    further: estimated number of points that will replace others
-    rounds: expected number of rounds of basin exchange
-    ahead: solutions of levels that workers minimised earlier
-    tried: objectives already minimised without a new point between two neighbours (rows)
-    gaps: gap between two neighbours (rows)
-    """
+    """The state of a sweep."""
 
     program: Program
     n_obj: int
     x: Points
-    objectives: Float[np.ndarray, "points objectives"]
-    weights: Float[np.ndarray, "points n_obj"]
+    objectives: Float[np.ndarray, "points objectives"]  # objectives of the points, divided by ``ranges``
+    weights: Float[np.ndarray, "points n_obj"]  # weights of the objectives in the Lagrangian, NaN if unknown
     points: int
     solver: Solver
     observe: ObserveSweep | None
     ranges: Float[np.ndarray, " n_obj"]
-    epsilon: Float[np.ndarray, " n_obj"] | None = None
-    phase: SweepPhase = ""
-    cold_points: int = 0
-    further: float = 0
-    rounds: int = 0
+    epsilon: Float[np.ndarray, " n_obj"] | None = None  # bounds of the last minimisation, None without bounds
+    phase: str = ""
+    cold_points: int = 0  # number of points that are still to be searched from cold starts
+    further: float = 0  # estimated number of points that will replace others
+    rounds: int = 0  # expected number of rounds of basin exchange
     solved: int = 0
-    ahead: dict[Key, Solutions] = field(default_factory=dict)
+    ahead: dict[Key, Solutions] = field(default_factory=dict)  # solutions of levels that workers minimised earlier
+    # objectives already minimised without a new point between two neighbours (rows)
     tried: dict[tuple[int, int], list[int]] = field(default_factory=dict)
-    gaps: dict[tuple[int, int], Gap] = field(default_factory=dict)
+    gaps: dict[tuple[int, int], Gap] = field(default_factory=dict)  # gap between two neighbours (rows)
 
     def add(self, solutions: Solutions, weights: Float[np.ndarray, "#points n_obj"] | None = None) -> None:
-        """Add points, on the front or not.
-
-        ``weights`` are the weights of their objectives in the Lagrangian, if known.
-        """
+        """Add points, on the front or not, with weights in the Lagrangian."""
         weights = np.full((1, self.n_obj), np.nan) if weights is None else weights
         self.weights = np.concatenate([self.weights, np.broadcast_to(weights, (len(solutions), self.n_obj))])
         self.x = np.concatenate([self.x, solutions.x])
@@ -200,10 +162,7 @@ class Sweep:
         return front_rows(self._values)
 
     def spread(self) -> Int[np.ndarray, " rows"]:
-        """Return the rows of ``points`` well-spread points of the front.
-
-        With two objectives they have the most hypervolume.
-        """
+        """Return the rows of ``points`` well-spread points, or of most hypervolume."""
         rows = self.front()
         values = self._values[rows]
         return rows[best_rows(values, self.points) if self.n_obj == 2 else spread_rows(values, self.points)]
@@ -248,10 +207,7 @@ class Sweep:
         return concatenate([solutions[level.key] for level in levels])
 
     def look_ahead(self, levels: Sequence[Level]) -> None:
-        """Minimise levels that are likely to come, in workers (if any).
-
-        Nothing is done if the first level is known already.
-        """
+        """Minimise levels that are likely to come, in workers (if any)."""
         missing = {level.key: level for level in levels if level.key not in self.ahead}
         if workers() > 1 and len(missing) > 1 and levels[0].key in missing:
             self.ahead.update(self._minimise(list(missing.values()), None))
@@ -272,8 +228,7 @@ class Sweep:
     def place_points(self, cold: ColdSearch, cold_points: int, further: int) -> None:
         """Add points where a two-objective front gains the most hypervolume.
 
-        It stops when there are enough points. The first ``cold_points`` are also searched from cold starts; at most
-        ``further`` points replace others.
+        The first ``cold_points`` are also searched from cold starts; at most ``further`` points replace others.
         """
         self.cold_points, self.further = cold_points, further / 2
         while True:
@@ -287,7 +242,7 @@ class Sweep:
             gaps = [self._gap(pair) for pair in pairs]
             targets = next_targets(gaps, self._values[rows], self.points)
             if enough := len(rows) >= self.points:
-                self.phase = "gap filling"
+                self.phase = "better places sought"
                 targets = targets[: max(further, 0)]
                 further -= len(targets)
                 self.further = len(targets)
@@ -323,7 +278,7 @@ class Sweep:
         A better branch may pass there. Each side is the bound of a search from the other side, with a high barrier that
         crosses ridges between valleys. If tangents contradict each other, a low barrier is tried too.
         """
-        self.phase, self.cold_points, self.further, jumps = "jump search", 0, 0, list[tuple[int, list[Level]]]()
+        self.phase, self.cold_points, self.further, jumps = "jumps searched", 0, 0, list[tuple[int, list[Level]]]()
         for pair in (list(pair) for pair in pairwise(self.spread().tolist())):
             gap = gap_between(self._values[pair], self.weights[pair])
             if not (gap.contradicts or gap.is_concave):
@@ -378,11 +333,21 @@ class Sweep:
     def fill_gaps(self) -> None:
         """Add points in the front's widest gaps, until it has enough."""
 
+        def add(main: int, upper: Float[np.ndarray, " n_obj"]) -> bool:
+            """Add the best solution from nearby points; return whether it is new."""
+            weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
+            solutions = self.solve(self._levels_below(main, upper))
+            best = int(np.argmin(np.where(solutions.converged, solutions.objectives[:, main], np.inf)))
+            new = solutions.converged[best] and not is_duplicate(solutions.objectives[best], self.objectives)
+            if new:
+                self.add(solutions[best : best + 1], self._lagrangian(solutions[best : best + 1], weights))
+            return bool(new)
+
         def look_ahead(bounds: Sequence[tuple[int, Float[np.ndarray, " n_obj"]]]) -> None:
             first = bounds[: max(workers() // OPTIONS.nearest, 1)]  # each occupies ``nearest`` workers
             self.look_ahead([level for main, upper in first for level in self._levels_below(main, upper)])
 
-        fill_gaps(lambda: self._values[self.front()], self._minimise_below, self.points, look_ahead)
+        fill_gaps(lambda: self._values[self.front()], add, self.points, look_ahead)
 
     def _levels_below(self, main: int, upper: Float[np.ndarray, " n_obj"]) -> list[Level]:
         """Return the levels that minimise ``main`` below ``upper`` from the nearest points."""
@@ -390,30 +355,15 @@ class Sweep:
         nearest = np.argsort(off, kind="stable")[: OPTIONS.nearest]
         return [Level(x, main, upper) for x in self.x[nearest]]
 
-    def _minimise_below(self, main: int, upper: Float[np.ndarray, " n_obj"]) -> bool:
-        """Minimise ``main`` below ``upper`` from nearby points; return whether it succeeded.
-
-        It succeeds if the best solution is a new point.
-        """
-        weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
-        solutions = self.solve(self._levels_below(main, upper))
-        best = int(np.argmin(np.where(solutions.converged, solutions.objectives[:, main], np.inf)))
-        if not solutions.converged[best] or is_duplicate(solutions.objectives[best], self.objectives):
-            return False
-        self.add(solutions[best : best + 1], self._lagrangian(solutions[best : best + 1], weights))
-        return True
-
     def exchange_basins(self) -> None:
         """Search the neighbours' basins of every point for a better point.
-
-        A better point is worse in no objective and better in their sum.
 
             minimise    Σ F(y)  from a neighbour's point
             subject to  F(y) ≤ F(x)
 
         If there are many valleys, a later neighbour may be in a better one.
         """
-        options, self.phase = OPTIONS.warm._replace(iterations=OPTIONS.basin_iterations), "basin exchange"
+        options, self.phase = OPTIONS.warm._replace(iterations=OPTIONS.basin_iterations), "neighbours' basins tried"
         tried = np.zeros((0, 2), dtype=int)
         for _ in range(OPTIONS.rounds):
             # pairs of each point of the spread with its nearest neighbours in it

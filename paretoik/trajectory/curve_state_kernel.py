@@ -93,9 +93,9 @@ def allocate_curve(curve, variables):
 
 @compiled
 def project_instants(curve, work, u):
-    """Project the spline's state u onto its path, in place.
+    """Project the spline's state u (variables, instants) onto its path, in place.
 
-    Instants of u (variables, instants) that are too far from the path stay as they are.
+    Instants that are too far from the path stay as they are.
     """
     if not curve.projects:
         return
@@ -109,21 +109,11 @@ def project_instants(curve, work, u):
                 spline[o, p, j] = u[o * n + j, p] * curve.scales[j]
     if not same:
         # the projected state, and which instants are on the path
-        spline, state = work.spline, work.state
-        _, instants, n = spline.shape
         write_directions(curve.normals, spline, curve.scales, work.directions)
         state[0] = spline[0]
         errors, same_sheet = np.empty(instants), np.empty(instants, dtype=np.bool_)
-        newton(
-            curve.errors,
-            curve.targets,
-            work.directions[0],
-            curve.row_scales,
-            curve.retraction,
-            state[0],
-            errors,
-            same_sheet,
-        )
+        normal, scales = work.directions[0], curve.row_scales
+        newton(curve.errors, curve.targets, normal, scales, curve.retraction, state[0], errors, same_sheet)
         project_rates(curve.rates, work.inputs, curve.scales, spline, work.directions, state, work.multipliers)
         for p in range(instants):
             total = 0.0
@@ -139,19 +129,13 @@ def project_instants(curve, work, u):
 
 @compiled
 def linearise_instants(curve, work):
-    """Write the derivatives of the last projected states.
-
-    The last axis of each matrix is the instant.
-    """
+    """Write the derivatives of the last projected states, by instant last."""
     if not curve.projects:
         return
     _, instants, n, rows = work.directions.shape
     held, rates, moves, gains, inverse = work.held, work.rates, work.moves, work.gains, work.inverse
-    places, free, along = (
-        np.empty((3 * (n + rows), instants)),
-        np.zeros((n, n, instants)),
-        np.empty((rows, n, instants)),
-    )
+    places = np.empty((3 * (n + rows), instants))
+    free, along = np.zeros((n, n, instants)), np.empty((rows, n, instants))
     run(curve.slopes, work.inputs, work.bends.reshape((3 * rows * n, instants)))
     jacobian, velocity, acceleration = work.bends[0], work.bends[1], work.bends[2]
     turn, bend = work.directions[1].transpose((1, 2, 0)), work.directions[2].transpose((1, 2, 0))
@@ -186,7 +170,7 @@ def linearise_instants(curve, work):
     _add_bend(inverse, velocity, -2.0, rates[1], along, moves[2])
     # the derivatives of states from ∂q/∂s, ∂q̇/∂s and ∂q̈/∂s, joints divided by their scales. The jerks are those
     # of the spline
-    n, variables = len(curve.scales), len(work.chain)
+    variables = len(work.chain)
     for o in range(min(variables // n, 3)):
         for k in range(o + 1):
             for i in range(n):
@@ -247,9 +231,9 @@ def _add_bend(gain, bend, factor, moves, along, out):
 
 @compiled
 def chain_directions(work, du):
-    """Overwrite directions of the spline's state with the curve's.
+    """Overwrite directions (states, instants) of the spline's state with the curve's.
 
-    They are (states, instants); rows after the states stay.
+    Rows after the states stay.
     """
     states, _, instants = work.chain.shape
     if not instants:
@@ -266,7 +250,7 @@ def chain_directions(work, du):
 
 @compiled
 def chain_gradient(work, gradient, out):
-    """Write the gradient by the spline's state from the curve's gradient.
+    """Write the gradient by the spline's state.
 
     The given gradient is by the curve's state and, in rows after it, by the spline's own state.
     """
@@ -285,10 +269,9 @@ def chain_gradient(work, gradient, out):
 
 @compiled
 def curve_multipliers(curve, work, gradient, multipliers):
-    """Write the multipliers of g, ġ and g̈ for a gradient.
+    """Write the multipliers (orders · rows, instants) of g, ġ and g̈.
 
-    They are (orders · rows, instants); the gradient is by the curve's state. With them the gradient by λ, λ̇ and λ̈ is
-    0.
+    With them the gradient by λ, λ̇ and λ̈ is 0; the given gradient is by the curve's state.
     """
     _, instants, n, rows = work.directions.shape
     orders, left = min(gradient.shape[0] // n, 3), work.left
@@ -318,20 +301,19 @@ def curve_multipliers(curve, work, gradient, multipliers):
 
 @compiled
 def _write_twist(curve, work):
-    """Write the mixed derivatives of P by state and multipliers.
+    """Write the mixed derivatives of P by the spline's state and λ.
 
-    They are by the spline's state and λ, times the derivatives of λ by the spline's state. P is the second derivative
-    by time of ρᵀ W² Jᵀ λ, if ρ, ρ̇ and ρ̈ are r₂, r₁ / 2 and r₀. With L = ∂λ/∂s and U = ∂(J ρ)/∂s, it is the symmetric
-    part of (2 Uᵀ L)⁽ᵒ⁾.
+    They are multiplied by the derivatives of λ by the spline's state. P is the second derivative by time of
+    ρᵀ W² Jᵀ λ, if ρ, ρ̇ and ρ̈ are r₂, r₁ / 2 and r₀. With L = ∂λ/∂s and U = ∂(J ρ)/∂s, it is the symmetric part of
+    (2 Uᵀ L)⁽ᵒ⁾.
     """
     _, instants, n, rows = work.directions.shape
     places, slopes = np.empty((6 * n, instants)), np.empty((3, rows, n, instants))
     for o in range(3):
         for j in range(n):
             weight = curve.scales[j] ** 2 * (0.5 if o == 1 else 1.0)
-            for p in range(instants):
-                places[o * n + j, p] = work.spline[o, p, j]
-                places[(3 + o) * n + j, p] = weight * work.left[2 - o, j, p]
+            places[o * n + j] = work.spline[o, :, j]
+            places[(3 + o) * n + j] = weight * work.left[2 - o, j]
     run(curve.twists, places, slopes.reshape((3 * rows * n, instants)))
     half = np.empty((n, n, instants))
     for o in range(3):
@@ -350,10 +332,7 @@ def _write_twist(curve, work):
 
 @compiled
 def add_twist(work, p, phi):
-    """Add the effect of changing directions D to second derivatives.
-
-    They are the second derivatives by the spline's state at instant p.
-    """
+    """Add changing directions D to second derivatives by the spline's state."""
     n = work.twist.shape[1]
     for o in range(min(len(phi) // n, 3)):
         for k in range(min(len(phi) // n, 3 - o)):

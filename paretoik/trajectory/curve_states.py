@@ -1,7 +1,7 @@
-"""Arrays that project a spline's instants onto their path.
+"""Arrays that project a spline's instants onto their path, for ``curve_state_kernel``.
 
-They are for ``curve_state_kernel``. Programs bound and minimise functions of the curve's state. Its first derivatives
-are exact; second derivatives lack the terms that are proportional to the spline's distance from the path.
+Programs bound and minimise functions of the curve's state. Its first derivatives are exact; second derivatives lack the
+terms that are proportional to the spline's distance from the path.
 """
 
 from __future__ import annotations
@@ -24,10 +24,7 @@ from paretoik.trajectory.curve_state_kernel import Curve
 
 
 def curve_arrays(task: MotionTask) -> Curve:
-    """Return the arrays that project a task's instants.
-
-    Each thread needs its own: they contain registers.
-    """
+    """Return the arrays, with registers, that project a task's instants."""
     arm, tasks, (targets, inputs) = task.arm, task.tasks, _targets(task)
     return Curve(
         projects=task.differences == "spline",
@@ -66,19 +63,17 @@ def instant_targets(task: MotionTask) -> tuple[np.ndarray, ...]:
 
 
 def _trace_gradients(arm: Arm, tasks: Sequence[Task]) -> tuple[Tape, list[int]]:
-    """Return the tape of J, B = ∂ġ/∂q and C = ∂g̈/∂q.
-
-    Its inputs are those of ``rate_evaluator``.
-    """
+    """Return the tape of J, B and C, with ``rate_evaluator``'s inputs."""
     tape, (q, *_), parts = trace_path(arm, tasks)
     return tape, [entry for part in parts for each in part for entry in gradient(tape, each, q)]
 
 
 def _trace_slopes(arm: Arm, tasks: Sequence[Task], *, transposed: bool) -> tuple[Tape, list[int]]:
-    """Return the tape of gradients by s: J ρ or Jᵀ λ.
+    """Return the tape of gradients of J ρ or Jᵀ λ.
 
-    It also has those of their first and second derivatives by time. Its inputs are s, ṡ and s̈, then ρ, ρ̇ and ρ̈, or
-    λ, λ̇ and λ̈.
+    They are by s, also for its first and second derivatives by time.
+
+    Its inputs are s, ṡ and s̈, then ρ, ρ̇ and ρ̈, or λ, λ̇ and λ̈.
     """
     tape, n = Tape(), arm.dof
     count = sum(task.rows for task in tasks) if transposed else n

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -14,13 +14,8 @@ from paretoik.task.motion_task import MotionTask
 WINDOW = 6  # number of samples that a spline's position, rates and jerk between two samples depend on
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Stencil:
+class Stencil(NamedTuple):
     """u of instant i: Σ_k ``coefficients``[order, i, k] q of ``neighbours``[i, k].
-
-    first_unknown: index of the first unknown of each sample, −1 if it cannot move
-    border: number of last unknowns, which are in the border of Newton's matrix: they couple the end of a cycle to its
-        start
 
     On a cycle the last sample moves with the first. If the motion ends at rest, the last sample moves with the one
     before, as far as the path allows.
@@ -28,8 +23,9 @@ class Stencil:
 
     neighbours: Int[np.ndarray, "instants width"]
     coefficients: Float[np.ndarray, "orders instants width"]
-    first_unknown: Int[np.ndarray, " time"]
+    first_unknown: Int[np.ndarray, " time"]  # index of the first unknown of each sample, −1 if it cannot move
     unknowns: int
+    # number of last unknowns, in the border of Newton's matrix: they couple the end of a cycle to its start
     border: int
 
     @property
@@ -39,10 +35,7 @@ class Stencil:
 
 
 def stencil(task: MotionTask, orders: int) -> Stencil:
-    """Return a task's stencil for the first orders.
-
-    Orders are position, velocity, acceleration and jerk.
-    """
+    """Return a task's stencil for the first orders, from position to jerk."""
     neighbours, coefficients = (_spline if task.differences == "spline" else _differences)(task, orders)
     samples, width = len(task.times), neighbours.shape[1]
     fixed = int(task.start is not None)
@@ -85,7 +78,7 @@ def _differences(task: MotionTask, orders: int) -> tuple[np.ndarray, np.ndarray]
 def _spline(task: MotionTask, orders: int) -> tuple[np.ndarray, np.ndarray]:
     """Return neighbours and coefficients of the spline and its derivatives.
 
-    They are evaluated for unit samples; unit samples that share no window are evaluated together.
+    Unit samples that share no window are evaluated together.
     """
     samples = len(task.times)
     free = samples - task.cyclic

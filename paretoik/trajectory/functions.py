@@ -1,7 +1,6 @@
 """Objectives and limits of a task as expressions on a tape.
 
-Functions of one sample become sums over samples, or rows with bounds at every sample. Other functions are functions of
-whole motion.
+Functions of one sample become sums over samples, or rows with bounds at every sample; others functions of whole motion.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.kinks import norm_terms, smooth_pieces, summands
 from paretoik.autodiff.operations import Op
 from paretoik.autodiff.tape import Expression, Tape, as_entry
+from paretoik.nlp.program import Cone, structural_product
 from paretoik.robot.kinematics import joint_scales
 from paretoik.task.limits import LIMITED, Constraint
 from paretoik.task.motion_task import MotionTask
@@ -41,24 +41,21 @@ from paretoik.task.traced_motion import (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WholeFunction:
-    """A function of all u: a sum of maxima, or a length.
+    """A function of all u (orders · time · dof).
 
-    u is (orders · time · dof), in this order.
-
-    groups: index of each group's first part; empty if the function is ``factor`` times the length of the parts
-    jacobian_evaluator: evaluator of the derivatives of parts ``rows`` by inputs ``columns``
-    hessian_evaluator: evaluator of the entries ``hessian_columns`` of H · direction, with H the Hessian of
-        Σ multiplier · part; it takes u, a direction in u, and one multiplier per part
+    It is a sum of maxima over ``groups`` of parts, or ``factor`` times the length of the parts, without groups.
     """
 
     name: str
-    groups: Int[np.ndarray, " groups"]
+    groups: Int[np.ndarray, " groups"]  # index of each group's first part
     factor: float
     parts: int
     value: Evaluator
-    jacobian_evaluator: Evaluator
+    jacobian_evaluator: Evaluator  # evaluator of the derivatives of parts ``rows`` by inputs ``columns``
     rows: Int[np.ndarray, " entries"]
     columns: Int[np.ndarray, " entries"]
+    # evaluator of the entries ``hessian_columns`` of H · direction, with H the Hessian of Σ multiplier · part; it takes
+    # u, a direction in u, and one multiplier per part
     hessian_evaluator: Evaluator
     hessian_columns: Int[np.ndarray, " second"]
     inputs: int
@@ -76,16 +73,40 @@ class WholeFunction:
 
     @property
     def epigraph_columns(self) -> int:
-        """Number of epigraph variables.
-
-        Groups of several parts have one each; a length has one.
-        """
+        """Number of epigraph variables: one per length, or group of several parts."""
         return sum(part.stop - part.start > 1 for part in self.slices) if len(self.groups) else 1
 
     def jacobian(self, u: Float[np.ndarray, " inputs"]) -> sparse.csr_array:
         """Return the derivatives (parts, inputs) of the parts."""
         entries = self.jacobian_evaluator(u[:, None])[:, 0]
         return sparse.csr_array(sparse.coo_array((entries, (self.rows, self.columns)), shape=(self.parts, self.inputs)))
+
+    def linearise(
+        self, u: Float[np.ndarray, " inputs"], parts: np.ndarray, by_columns: sparse.csr_array, column: int
+    ) -> tuple[np.ndarray, list[np.ndarray], list[sparse.csr_array], list[Cone]]:
+        """Return the gradient by columns, ties, rows of ties, and cones.
+
+        ``by_columns`` has the derivatives of u (inputs, columns). Epigraph variables begin at ``column``.
+        """
+        gradient, ties, tie_rows = np.zeros(by_columns.shape[1]), list[np.ndarray](), list[sparse.csr_array]()
+        rows = structural_product(self.jacobian(u), by_columns)
+        if not len(self.groups):
+            gradient[column] = 1.0
+            cone = Cone(column=column, values=self.factor * parts, rows=sparse.csr_array(self.factor * rows))
+            return gradient, ties, tie_rows, [cone]
+        for group in self.slices:
+            if group.stop - group.start == 1:
+                gradient += rows[[group.start]].toarray()[0]
+                continue
+            gradient[column] = 1.0
+            ties.append(parts[group].max() - parts[group])
+            part = rows[group]  # the new last column minus the rows
+            entries = np.insert(-part.data, part.indptr[1:], 1.0)
+            indices = np.insert(part.indices, part.indptr[1:], column)
+            indptr = part.indptr + np.arange(len(part.indptr))
+            tie_rows.append(sparse.csr_array((entries, indices, indptr), shape=part.shape))
+            column += 1
+        return gradient, ties, tie_rows, []
 
     def hessian_along(
         self, u: Float[np.ndarray, " inputs"], directions: sparse.csr_array, multipliers: Float[np.ndarray, " parts"]
@@ -108,21 +129,19 @@ class WholeFunction:
 def whole_function(tape: Tape, name: str, value: object) -> WholeFunction:
     """Return the function that was traced with all u as inputs."""
     entry, count = as_entry(tape, value), len(tape.inputs)
-    norm = norm_terms(tape, entry)
+    norm, zero = norm_terms(tape, entry), tape.constant(0.0)
+    # one group for all smooth addends, and one for the pieces of each addend with kinks
+    smooth, groups = zero, list[list[int]]()
+    for term in summands(tape, entry) if norm is None else ():
+        pieces = smooth_pieces(tape, term)
+        if len(pieces) > 1:
+            groups.append(pieces)
+        else:
+            smooth = tape.apply(Op.ADD, smooth, term)
     if norm is None:
-        # one group for all smooth addends, and one for the pieces of each addend with kinks
-        smooth, groups = tape.constant(0.0), list[list[int]]()
-        for term in summands(tape, entry):
-            pieces = smooth_pieces(tape, term)
-            if len(pieces) > 1:
-                groups.append(pieces)
-            else:
-                smooth = tape.apply(Op.ADD, smooth, term)
-        groups = [[smooth], *groups]
-    else:
-        groups = []
-    parts = [part for group in groups for part in group] if norm is None else norm[1]
-    zero, entries = tape.constant(0.0), []
+        groups.insert(0, [smooth])
+    factor, parts = (1.0, [part for group in groups for part in group]) if norm is None else norm
+    entries = []
     for k, part in enumerate(parts):
         inputs = [i for i in dependencies(tape, [part]) if tape.entries[i][0] is Op.INPUT]
         slopes = gradient(tape, part, inputs)
@@ -138,8 +157,8 @@ def whole_function(tape: Tape, name: str, value: object) -> WholeFunction:
     places = np.array([(k, j) for k, j, _ in entries], dtype=np.int64).reshape(-1, 2)
     return WholeFunction(
         name=name,
-        groups=np.cumsum([0, *map(len, groups)], dtype=np.int64)[:-1] if groups else np.empty(0, dtype=np.int64),
-        factor=1.0 if norm is None else norm[0],
+        groups=np.cumsum([0, *map(len, groups)], dtype=np.int64)[:-1],
+        factor=factor,
         parts=len(parts),
         value=compile_evaluator(tape, parts),
         jacobian_evaluator=compile_evaluator(tape, [slope for *_, slope in entries]),
@@ -156,10 +175,7 @@ def whole_function(tape: Tape, name: str, value: object) -> WholeFunction:
 
 @dataclass(frozen=True, kw_only=True)
 class Total:
-    """A number of a whole motion, at most ``upper``.
-
-    ``index`` is its place among those of its kind.
-    """
+    """Number ``index`` of a kind, for the whole motion, at most ``upper``."""
 
     name: str
     kind: Literal["sum", "peak", "whole"]
@@ -169,33 +185,25 @@ class Total:
 
 @dataclass(kw_only=True, eq=False)
 class Functions:
-    """The functions of a task, as entries on one tape.
-
-    The tape is that of one sample.
-
-    motion: instant of the motion's curve on the tape
-    spline: instant of the motion's spline on the tape, for integrals with kinks
-    sums: entries that are integrated
-    rows: entries by name; ``bounds`` (time, 3): lower bound, upper bound, and range that divides violations
-    epigraph_variables: epigraph variable σ of each peak, the largest piece at any sample
-    epigraph_rows: entries σ − piece ≥ 0
-    epigraph_peaks: peak of each of these entries
+    """The functions of a task, as entries on a sample's tape.
 
     Integrals with kinks are taken on the spline: travel, for example, is equal for many motions, and errors of
     Simpson's rule on the curve would make them differ.
     """
 
     task: MotionTask
-    motion: TracedMotion
-    spline: TracedMotion
+    motion: TracedMotion  # instant of the motion's curve on the tape
+    spline: TracedMotion  # instant of the motion's spline on the tape, for integrals with kinks
     totals: list[Total] = field(default_factory=list)
-    sums: list[int] = field(default_factory=list)
+    sums: list[int] = field(default_factory=list)  # entries that are integrated
     names: list[str] = field(default_factory=list)
+    # entries by name; ``bounds`` (time, 3): lower bound, upper bound, and range that divides violations
     rows: list[int] = field(default_factory=list)
     bounds: list[np.ndarray] = field(default_factory=list)
+    # epigraph variable σ of each peak, the largest piece at any sample
     epigraph_variables: list[int] = field(default_factory=list)
-    epigraph_rows: list[int] = field(default_factory=list)
-    epigraph_peaks: list[int] = field(default_factory=list)
+    epigraph_rows: list[int] = field(default_factory=list)  # entries σ − piece ≥ 0
+    epigraph_peaks: list[int] = field(default_factory=list)  # peak of each of these entries
     whole_functions: list[WholeFunction] = field(default_factory=list)
 
     @property
@@ -206,10 +214,7 @@ class Functions:
 
 
 def function_names(totals: Sequence[Total], rows: Sequence[str], peaks: Iterable[int]) -> list[str]:
-    """Return the names of an instant's functions.
-
-    They are sums, rows, then the peak of each epigraph row (``peaks``).
-    """
+    """Return the names of an instant's functions: sums, rows, epigraph rows."""
     by_peak = [total.name for total in totals if total.kind == "peak"]
     return [*(total.name for total in totals if total.kind == "sum"), *rows, *(by_peak[i] for i in peaks)]
 
@@ -225,7 +230,6 @@ def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
     for term, share in zip(task.objectives, shares, strict=True):
         _add_total(functions, f"objective {term.name}", term, term.sign * float(share), np.inf)
     # add all limits except those on positions, and on rates at samples: these limit variables
-    motion, task = functions.motion, functions.task
     inner = ["velocity"] if task.differences == "spline" and "velocity" in task.bounds else []
     for kind in (*inner, *(load for load in ("torque", "power") if load in task.bounds)):
         limits = task.bounds_at(kind, task.instants)
@@ -274,8 +278,7 @@ def _add_total(functions: Functions, label: str, term: Objective | Constraint, f
             total = factor * values[0]
             for number in values[1:]:  # the peak is the largest number
                 total = np.maximum(total, factor * number)
-        whole = whole_function(whole_motion.trace.tape, term.name, total)
-        functions.whole_functions.append(whole)
+        functions.whole_functions.append(whole_function(whole_motion.trace.tape, term.name, total))
         return
     tape = motion.trace.tape
     entry, share = as_entry(tape, np.sign(factor) * value), tape.input()  # one evaluator for all shares
@@ -293,10 +296,7 @@ def _add_total(functions: Functions, label: str, term: Objective | Constraint, f
 
 
 def _add_row(functions: Functions, name: str, value: Any, bounds: np.ndarray, ranges: np.ndarray) -> None:
-    """Add a function of an instant between bounds.
-
-    ``bounds`` are (instants or 1, 2). A function with kinks is added as its smooth pieces.
-    """
+    """Add an instant's function, or its smooth pieces, between bounds (instants, 2)."""
     tape, instants = functions.motion.trace.tape, len(functions.task.instants)
     entry, both = as_entry(tape, value), np.broadcast_to(bounds, (instants, 2))
     below, above = smooth_pieces(tape, entry, -1), smooth_pieces(tape, entry, 1)

@@ -1,44 +1,301 @@
-"""The grid oracle: the best motions over a grid of postures.
+"""The grid oracle: the best motions over a grid of postures, for one degree of redundancy, by dynamic programming.
 
-It uses dynamic programming, for one degree of redundancy.
-
-The postures that reach a sample are on a few curves. These are traced and cut into evenly spaced nodes; two nodes of
-consecutive samples are joined if no joint moves too far.
-- If objectives and limits depend only on positions and velocities (backward differences), the best path is exact on
-  this grid, and ``lower_bound`` bounds all motions between its nodes.
-- If they depend on accelerations, states are pairs of consecutive nodes, on fewer samples. The result, resampled to all
-  samples, is a source of starts and gives no bound.
+The postures of a sample are on a few curves, cut into evenly spaced nodes; two nodes of consecutive samples are joined
+if no joint moves too far. If objectives and limits depend only on positions and velocities (backward differences), the
+best path is exact on this grid, and ``lower_bound`` bounds all motions between its nodes. If they depend on
+accelerations, states are pairs of nodes, on fewer samples: a source of starts, without bound.
 
 Source: Bellman 1957 (dynamic programming); Burdick 1989 (self-motion curves).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
 
-from paretoik.errors import Infeasible, InvalidInput
-from paretoik.task.limits import LIMIT_TOLERANCE
+from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
+from paretoik.robot.kinematics import joint_scales
+from paretoik.stop_flag import check_interruption
+from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, relative_violation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.self_motion import branch_labels, count_nodes, node_spacing, postures_along_path, trace_curves
-from paretoik.trajectory.levels import coarsest_level
-from paretoik.trajectory.posture_grid import (
-    OPTIONS,
-    PostureGrid,
-    Terms,
-    build_graph,
-    build_terms,
-    evaluate_at,
-    posture_grid,
-    step_windows,
-    transitions,
+from paretoik.task.objectives import evaluate_function
+from paretoik.task.random_starts import wrap_difference
+from paretoik.task.retraction import retract
+from paretoik.task.self_motion import (
+    Curve,
+    branch_labels,
+    count_nodes,
+    node_spacing,
+    postures_along_path,
+    resample_curve,
+    self_motion_frames,
+    trace_curves,
+    unwrap_nodes,
+    unwrapped_ranges,
 )
+from paretoik.trajectory.levels import coarsest_level
 from paretoik.trajectory.shortest_paths import LayeredGraph, distinct_paths, shortest_path
+
+Series = Callable[[Motion], np.ndarray]
+At = Callable[[int, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # (q, dq, ddq) of some items of a sample
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridOptions:
+    """Settings of a grid and its results."""
+
+    pace: float = 2.5  # largest pace of joints without velocity limit, as a multiple of the path's own pace
+    quick_nodes: int = 30_000  # largest number of nodes of a quick grid
+    distinct: float = 0.15  # rad or arm lengths, RMS: a path nearer to a better one counts as equal to it
+    transitions: int = 40_000_000  # largest number of transitions: more do not fit the memory of a small machine
+    block: int = 200_000  # number of samples that are evaluated at once
+    cell: int = 2  # nodes by which a step between a cell's corners exceeds the step of a motion in it (for the bound)
+    margin: int = 4  # number of nodes beyond windows and ranges of joints that have transitions (for the bound)
+
+
+OPTIONS = GridOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Terms:
+    """The cost of a motion, and its worst excess over limits.
+
+    The excess is at most 0 if limits are satisfied, −1 without limits.
+    """
+
+    cost: Series
+    # postures, rates: excess over limits on postures, and on rates
+    postures: Series
+    rates: Series
+    second: bool  # whether a cost or a limit depends on accelerations
+
+    def sample_costs(self, motion: Motion) -> np.ndarray:
+        """Return every sample's share of the integral of the cost."""
+        return self.cost(motion) * motion.weights
+
+    def feasible_costs(self, motion: Motion) -> np.ndarray:
+        """Return every sample's cost, infinite if a limit on rates is violated."""
+        return np.where(self.rates(motion) <= LIMIT_TOLERANCE, self.sample_costs(motion), np.inf)
+
+
+def build_terms(task: MotionTask, probe: np.ndarray) -> Terms:
+    """Return objectives and limits, sorted by the derivatives that they depend on."""
+    for kind, functions, form in (("objective", task.objectives, "integral"), ("constraint", task.constraints, "peak")):
+        for one in functions:
+            if one.form != form:
+                raise InvalidInput(f"grid_oracle: {kind} {one.name}: form must be {form!r}, got {one.form!r}")
+
+    def cost(motion: Motion) -> np.ndarray:
+        return np.sum(
+            [o.sign * evaluate_function(f"objective {o.name}", o.function, motion, o.form) for o in task.objectives],
+            axis=0,
+        )
+
+    def joint_excess(kind: str) -> Series:
+        return lambda motion: relative_violation(kind, task.bounds[kind], motion).max(axis=-1)
+
+    def constraint_excess(c: Constraint) -> Series:
+        def excess_of(motion: Motion) -> np.ndarray:
+            values = evaluate_function(f"constraint {c.name}", c.function, motion, c.form)
+            return np.maximum(values - c.upper, c.lower - values) / c.scale
+
+        return excess_of
+
+    def worst(limits: list[Series]) -> Series:
+        nothing = [lambda motion: np.full(motion.q.shape[:-1], -1.0)]
+        return lambda motion: np.max([limit(motion) for limit in limits or nothing], axis=0)
+
+    limits = [joint_excess(kind) for kind in task.bounds] + [constraint_excess(c) for c in task.constraints]
+    if task.obstacles:
+        limits.append(lambda motion: (task.min_clearance - motion.clearance) / task.clearance_range)
+    orders = [derivative_order(task, limit, probe) for limit in limits]
+    return Terms(
+        cost=cost,
+        postures=worst([limit for limit, order in zip(limits, orders, strict=True) if order == 0]),
+        rates=worst([limit for limit, order in zip(limits, orders, strict=True) if order > 0]),
+        second=max([derivative_order(task, cost, probe), *orders]) == 2,
+    )
+
+
+def derivative_order(task: MotionTask, term: Series, q: np.ndarray) -> int:
+    """Return the highest derivative in which NaN changes a function's values."""
+    for order, rates in enumerate([(np.nan, np.nan), (0.1, np.nan), (0.1, 0.1)]):
+        with np.errstate(all="ignore"):
+            try:
+                values = term(instant_motions(task, q, *rates))
+            except EvaluationFailed as error:
+                raise InvalidInput(f"grid_oracle: functions must accept NaN in rates, got {error}") from error
+        if not np.isnan(values).any():
+            return order
+    raise InvalidInput("grid_oracle: objectives and limits must be numbers and look no further than accelerations")
+
+
+def instant_motions(task: MotionTask, q: np.ndarray, dq: np.ndarray | float, ddq: np.ndarray | float) -> Motion:
+    """Return rows (rows, time, dof) of independent postures with given rates."""
+    motion = replace(task, cyclic=False).motion(q)
+    rates = {"dq": dq, "ddq": ddq, "jerk": np.nan}  # these replace the rates that ``Motion`` would compute from the row
+    vars(motion).update({name: np.broadcast_to(values, q.shape) for name, values in rates.items()})
+    return motion
+
+
+def evaluate_at(task: MotionTask, term: Series, counts: Sequence[int], at: At) -> list[np.ndarray]:
+    """Return ``term`` at every sample's instants.
+
+    ``counts`` are the numbers of instants; ``at`` returns (q, dq, ddq) of some of them.
+    """
+    limit, total = OPTIONS.transitions, sum(counts)
+    if total > limit:
+        raise InvalidInput(f"resolution must give at most {limit:.3g} transitions, got {total:.3g}: make it coarser")
+    values_at = [np.empty(count) for count in counts]
+    rows, longest = max(1, OPTIONS.block // len(counts)), max(counts)
+    for first in range(0, longest, rows):
+        check_interruption()
+        picks = [np.minimum(np.arange(first, min(first + rows, longest)), max(count - 1, 0)) for count in counts]
+        parts = [at(i, pick) for i, pick in enumerate(picks)]
+        values = term(instant_motions(task, *(np.stack(part, axis=1) for part in zip(*parts, strict=True))))
+        for i, count in enumerate(counts):
+            values_at[i][first : first + rows] = values[: max(count - first, 0), i]
+    return values_at
+
+
+# The grid of postures, and its transitions.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PostureGrid:
+    """Nodes (nodes, dof) of every sample, and the next on their curves."""
+
+    nodes: list[Float[np.ndarray, "_ dof"]]
+    next_node: list[Int[np.ndarray, " _"]]  # index of each node's next one; −1 at the end of a curve
+    turning: Bool[np.ndarray, " dof"]  # joints whose position is known modulo 2π
+    windows: Float[np.ndarray, "time dof"]  # largest step (time, dof) of each joint to each sample
+    scales: Float[np.ndarray, " dof"]  # units of joint distances
+
+    def step(self, later: np.ndarray, before: np.ndarray) -> np.ndarray:
+        """Return the shortest way of every joint between postures."""
+        return wrap_difference(later - before, self.turning)
+
+    def edges(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pairs of nodes that a step to sample i joins.
+
+        The pairs are sorted by the second node, then by the first.
+        """
+        box = np.where(self.turning, 2 * np.pi / self.windows[i], 0.0)
+        places = [np.where(self.turning, q % (2 * np.pi), q) / self.windows[i] for q in self.nodes[i - 1 : i + 1]]
+        before, here = (cKDTree(np.where(self.turning & (at >= box), 0.0, at), boxsize=box) for at in places)
+        pairs = here.sparse_distance_matrix(before, 1.0, p=np.inf, output_type="ndarray")
+        order = np.lexsort((pairs["j"], pairs["i"]))
+        return pairs["j"][order], pairs["i"][order]
+
+    def at_rest(self, i: int, pick: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return some nodes of a sample at rest: (q, dq, ddq)."""
+        q = self.nodes[i][pick] if len(self.nodes[i]) else np.zeros((len(pick), len(self.turning)))
+        return q, np.zeros_like(q), np.zeros_like(q)
+
+    def motion(self, nodes: Sequence[int]) -> np.ndarray:
+        """Return the motion (time, dof) through nodes, with continuous joints."""
+        q = np.stack([there[k] for there, k in zip(self.nodes, nodes, strict=True)])
+        return np.cumsum(np.concatenate([q[:1], self.step(q[1:], q[:-1])]), axis=0)
+
+    def select(self, mask: Sequence[Bool[np.ndarray, " _"]]) -> PostureGrid:
+        """Return the grid with only the nodes of ``mask``."""
+        next_node = []
+        for ahead, k in zip(self.next_node, mask, strict=True):
+            place = np.append(np.where(k, np.cumsum(k) - 1, -1), -1)  # the last entry maps −1 (no next node) to −1
+            next_node.append(place[ahead[k]])
+        return replace(self, nodes=[q[k] for q, k in zip(self.nodes, mask, strict=True)], next_node=next_node)
+
+
+def step_windows(task: MotionTask, pace: float) -> Float[np.ndarray, "time dof"]:
+    """Return each joint's largest step [rad, m] to each sample.
+
+    It is at most ``pace`` [rad, the arm's length]. It is tiny instead of 0 for a joint that must not move.
+    """
+    limits = np.abs(task.bounds.get("velocity", np.full((1, task.arm.dof, 2), np.inf))).max(axis=-1)
+    steps = np.diff(task.times)[:, None]
+    steps = np.concatenate([steps[:1], steps])
+    scales = joint_scales(task.arm)
+    return np.maximum(np.minimum(limits * steps * (1 + LIMIT_TOLERANCE), pace * scales), LIMIT_TOLERANCE * scales)
+
+
+def posture_grid(
+    task: MotionTask,
+    curves: list[list[Curve]],
+    spacing: float,
+    windows: np.ndarray,
+    unrolled: Bool[np.ndarray, " dof"],
+    beyond: float = 0.0,
+) -> PostureGrid:
+    """Return the nodes of every sample, ``spacing`` apart on its curves.
+
+    Distances are in rad, slides in arm lengths. Joints are at most ``beyond`` past their ranges. Different turns of
+    ``unrolled`` joints are different nodes.
+    """
+    cut = [[resample_curve(task.arm, curve, spacing) for curve in here] for here in curves]
+    samples = np.repeat(np.arange(len(cut)), [sum(len(q) for q, _ in here) for here in cut])
+    q = np.concatenate([q for here in cut for q, _ in here])
+    retracted = retract(task.arm, task.tasks, q, *self_motion_frames(task, samples, q)[1:])
+    scales = joint_scales(task.arm)
+    ranges = unwrapped_ranges(task, unrolled) + np.array([-beyond, beyond]) * scales[:, None]
+    turning = task.arm.periodic & np.isnan(ranges[:, 0])
+    nodes, next_node = [], []
+    for i, here in enumerate(cut):
+        rows = samples == i
+        there, which = unwrap_nodes(retracted.q[rows], ranges, task.arm.periodic)
+        firsts = np.cumsum([0] + [len(q) for q, _ in here[:-1]])
+        ahead = np.concatenate([np.where(n < 0, -1, n + first) for (_, n), first in zip(here, firsts, strict=True)])
+        mask = retracted.on_path[rows][which]
+        nodes.append(there[mask])
+        # each node's next one in the same turn: ``kept`` are the nodes' places, ``ahead`` the next places of all places
+        scaled, kept = nodes[i] / scales, which[mask]
+        order = np.argsort(kept, kind="stable")
+        low, high = (np.searchsorted(kept[order], ahead[kept], side=side) for side in ("left", "right"))
+        following = np.full(len(scaled), -1)
+        for turn in range(int((high - low).max(initial=0))):
+            candidate = order[np.minimum(low + turn, len(scaled) - 1)]
+            near = np.linalg.norm(wrap_difference(scaled[candidate] - scaled, turning), axis=1) < 2 * spacing
+            following = np.where((low + turn < high) & near, candidate, following)
+        next_node.append(following)
+    if task.start is not None:
+        nodes[0], next_node[0] = task.start[None], np.array([-1])
+    if task.cyclic:
+        nodes[-1], next_node[-1] = nodes[0], next_node[0]
+    return PostureGrid(nodes=nodes, next_node=next_node, turning=turning, windows=windows, scales=scales)
+
+
+def transitions(task: MotionTask, grid: PostureGrid) -> tuple[list[tuple[np.ndarray, np.ndarray]], At]:
+    """Return all edges to every sample, and their (q, dq, ddq)."""
+    pairs = [(np.zeros(0, dtype=int),) * 2] + [grid.edges(i) for i in range(1, len(grid.nodes))]
+    steps = np.diff(task.times, prepend=np.nan)
+
+    def at(i: int, pick: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        sources, ends = (side[pick] if len(side) else np.zeros_like(pick) for side in pairs[i])
+        q = grid.nodes[i][ends]
+        dq = grid.step(q, grid.nodes[i - 1][sources]) / steps[i] if i else np.zeros_like(q)
+        return q, dq, np.zeros_like(q)
+
+    return pairs, at
+
+
+def build_graph(grid: PostureGrid, pairs: list[tuple[np.ndarray, np.ndarray]], costs: list[np.ndarray]) -> LayeredGraph:
+    """Return the graph whose states are nodes and whose transitions are edges."""
+    return LayeredGraph(
+        start=np.zeros(len(grid.nodes[0])),
+        offsets=[
+            np.searchsorted(ends, np.arange(len(q) + 1)) for (_, ends), q in zip(pairs[1:], grid.nodes[1:], strict=True)
+        ],
+        sources=[sources for sources, _ in pairs[1:]],
+        costs=costs[1:],
+        nodes=[np.arange(len(q)) for q in grid.nodes],
+    )
+
 
 # A lower bound on all motions, for redundancy one and without accelerations
 #
@@ -57,8 +314,7 @@ from paretoik.trajectory.shortest_paths import LayeredGraph, distinct_paths, sho
 def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: float) -> float:
     """Return a lower bound on every motion within the grid's windows.
 
-    It is infinite if limits allow no motion. ``grid`` has all nodes, also infeasible ones, and some beyond the joints'
-    ranges.
+    It is infinite if limits allow none. ``grid`` has all nodes, and some beyond the joints' ranges.
     """
     wide = replace(grid, windows=grid.windows + OPTIONS.margin * spacing * grid.scales)
     pairs, edge = transitions(task, wide)
@@ -112,10 +368,7 @@ def _neighbouring_transitions(
 
 
 def _interpolation_error(values: np.ndarray, pair: Pair, around: list[Pair]) -> np.ndarray:
-    """Return the largest interpolation error in cells around.
-
-    It is estimated from second differences.
-    """
+    """Return the largest interpolation error in cells around, estimated from second differences."""
     after, before = pair
     second_differences = values[after] + values[before] - 2 * values
     convex = np.maximum(np.where((after >= 0) & (before >= 0), second_differences, np.nan), 0.0)  # NaN stays NaN
@@ -124,10 +377,7 @@ def _interpolation_error(values: np.ndarray, pair: Pair, around: list[Pair]) -> 
 
 
 def _neighbourhood_max(values: np.ndarray, around: list[Pair]) -> np.ndarray:
-    """Return the largest known value among values and their neighbours.
-
-    It is NaN if all are unknown.
-    """
+    """Return the largest known value of each and its neighbours; else NaN."""
     for pair in around:
         values = np.fmax.reduce([values, *(np.where(side >= 0, values[side], np.nan) for side in pair)])
     return values
@@ -147,30 +397,19 @@ def _may_satisfy(excess: np.ndarray, around: list[Pair]) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridOracle:
-    """Motions found on the grid, best first.
+    """The best motions of all classes on the grid, and distant ones.
 
-    They are the best of each class, and motions far from these.
-
-    q: joint positions of the motions
-    labels: branch labels of the motions
-    values: sums of objectives (minimised)
-    violations: worst violation of limits
-    resolution: distance of neighbouring nodes [rad, the arm's length]
-    samples: number of samples on the grid
-    exact: whether no path through the grid is better than the first motion
-    lower_bound: bound on all motions on the traced curves within the same pace; NaN if not ``exact``, or if ``quick``
-
-    The bound's error decreases with the square of the resolution; if limits are active, in proportion to the
-    resolution.
+    The bound's error decreases with the square of the resolution; if limits are active, in proportion to it.
     """
 
-    q: Float[np.ndarray, "paths time dof"]
-    values: Float[np.ndarray, " paths"]
-    violations: Float[np.ndarray, " paths"]
-    labels: tuple[str, ...]
-    resolution: float
-    samples: int
-    exact: bool
+    q: Float[np.ndarray, "paths time dof"]  # joint positions of the motions, best first
+    values: Float[np.ndarray, " paths"]  # sums of objectives (minimised)
+    violations: Float[np.ndarray, " paths"]  # worst violation of limits
+    labels: tuple[str, ...]  # branch labels of the motions
+    resolution: float  # distance of neighbouring nodes [rad, the arm's length]
+    samples: int  # number of samples on the grid
+    exact: bool  # whether no path through the grid is better than the first motion
+    # bound on all motions on the traced curves within the same pace; NaN if not ``exact``, or if ``quick``
     lower_bound: float
 
     @property
@@ -180,22 +419,14 @@ class GridOracle:
 
 
 def grid_oracle(
-    task: MotionTask,
-    *,
-    resolution: float | None = None,
-    classes: int = 8,
-    seed: int = 0,
-    quick: bool = False,
+    task: MotionTask, *, resolution: float | None = None, classes: int = 8, quick: bool = False
 ) -> GridOracle:
     """Return the best paths through a grid of postures, one per class.
 
-    The task must have one degree of redundancy.
-
-    task: motion task with integral objectives, whose sum is minimised, and backward differences
+    task: motion task with redundancy one, integral objectives, whose sum is minimised, and backward differences
     resolution: distance [rad, the arm's length] between nodes; None for a share of the largest step of a joint between
         samples, or more if there were too many nodes
     classes: largest number of motions; the first ones are one per class (bends of joints and their turns)
-    seed: seed of the first postures; it has little effect on the curves through them
     quick: whether to leave out the bound, and to refuse slow problems
 
     Joints without velocity limit may move at a few times the pace that the path needs. Raises InvalidInput if the
@@ -210,7 +441,7 @@ def grid_oracle(
     if resolution is not None and not resolution > 0:
         raise InvalidInput(f"resolution must be a positive distance in rad, got {resolution}")
     # nodes on the curves of postures, and windows of steps
-    seeds, pace = postures_along_path(task, np.random.default_rng(seed))
+    seeds, pace = postures_along_path(task, np.random.default_rng(0))
     terms = build_terms(task, np.stack([q[0] for q in seeds])[None])
     if quick and terms.second:
         raise InvalidInput("grid_oracle: quick=True must have no objectives or limits of accelerations, got some")
@@ -312,19 +543,15 @@ def _feasible_grid(task: MotionTask, grid: PostureGrid, terms: Terms) -> Posture
         feasible[0] = feasible[-1] = feasible[0] & feasible[-1]
     for i, k in enumerate(feasible):
         if not k.any():
-            raise Infeasible(
-                f"no posture satisfies the limits at sample {i} of {len(feasible)} ({task.times[i]:.3g} s)"
-            )
+            time = f"{task.times[i]:.3g} s"
+            raise Infeasible(f"no posture satisfies the limits at sample {i} of {len(feasible)} ({time})")
     return grid.select(feasible)
 
 
 def _select_paths(
     task: MotionTask, level: MotionTask, grid: PostureGrid, terms: Terms, paths: np.ndarray, classes: int
 ) -> dict[str, Any]:
-    """Return the best motion of every class, and distant motions.
-
-    The best is by value on the grid.
-    """
+    """Return the best motion of every class, and distant motions."""
     if task.cyclic:
         paths = paths[np.abs((paths[:, -1] - paths[:, 0]) / grid.scales).max(axis=1) < 1e-6]
     motions = level.motion(paths)
@@ -341,15 +568,10 @@ def _select_paths(
             chosen = distance > OPTIONS.distinct if far else not is_known
             if len(indices) < classes and chosen:
                 with suppress(Infeasible):  # the motion leaves the path between its samples
-                    # on all samples if possible
-                    motion = motions[k]
-                    if len(motion.time) == len(task.times):
-                        selected[int(k)] = motion.q
-                    else:
-                        q = motion.at(task.times)
-                        if task.start is not None:
-                            q[0] = task.start
-                        selected[int(k)] = q
+                    whole = len(level.times) == len(task.times)
+                    selected[k] = np.array(motions[k].q if whole else motions[k].at(task.times))
+                    if task.start is not None:
+                        selected[k][0] = task.start
     order = sorted(selected, key=lambda k: cost[k])
     if not order:
         raise Infeasible(f"every path through the grid of {len(level.times)} samples leaves the path between them")

@@ -42,8 +42,8 @@ from paretoik.trajectory.transcription import MotionProgram, motion_program
 def warn_of_obstructed_path(task: MotionTask) -> None:
     """Warn if an obstacle is too near to the tool's path.
 
-    No motion is feasible then. The tool is the end of the last link. It is checked on the path at every sample. This is
-    no error, because a search may still look for the least-violating motion.
+    This is no error, because a search may still look for the least-violating motion. The tool is the last
+    link's end.
     """
     for distances in _tool_distances(task):
         obstacle, sample = np.unravel_index(int(np.argmin(distances)), distances.shape)
@@ -62,10 +62,7 @@ def warn_of_obstructed_path(task: MotionTask) -> None:
 
 
 def obstructed_sample(task: MotionTask, sample: int | None = None) -> int | None:
-    """Return the worst sample at which an obstacle is too near.
-
-    If ``sample`` is given, only this sample is checked. None if no obstacle is too near to the tool's path.
-    """
+    """Return the worst, or the given, sample with an obstacle too near."""
     worst, found = 0.0, None
     for distances in _tool_distances(task):
         excess = task.min_clearance - distances.min(axis=0)
@@ -76,7 +73,7 @@ def obstructed_sample(task: MotionTask, sample: int | None = None) -> int | None
 
 
 def _tool_distances(task: MotionTask) -> Iterator[Float[np.ndarray, "obstacles time"]]:
-    """Yield the distances of the tool from all obstacles.
+    """Yield the tool's distances from all obstacles, along each of its paths.
 
     Only paths that fix the tool's whole position count.
     """
@@ -132,9 +129,7 @@ def require_feasible(task: MotionTask, rollouts: JointPaths, observe: ObserveLev
     limits. Then the violation of limits is minimised from roll-outs and motions that travel along the self-motion on
     the coarsest level, and from the best of these and new ones on finer levels. The search gets the problem if a motion
     (nearly) satisfies the limits, or if a limited function has no value or no derivative, or is a function of the whole
-    motion.
-
-    Raises Interrupted after a signal.
+    motion. Raises Interrupted after a signal.
     """
     if not (_violations(task, rollouts) > OPTIONS.doubt).all():
         return
@@ -170,10 +165,7 @@ def require_feasible(task: MotionTask, rollouts: JointPaths, observe: ObserveLev
 
 
 def _violations(level: MotionTask, q: JointPaths) -> Float[np.ndarray, " motions"]:
-    """Return each motion's worst violation, as a share of its range.
-
-    It is NaN if a function has no value.
-    """
+    """Return each motion's worst violation, as a share of its range."""
     _, violations, _ = evaluate_motions(replace(level, objectives=()), level.motion(q))
     return np.asarray(violations.max(axis=1, initial=0.0))
 
@@ -191,10 +183,7 @@ def _limits_program(level: MotionTask) -> MotionProgram | None:
 
 
 def _minimise_violation(program: MotionProgram, q: JointPaths, share: float = 0.0) -> Solutions:
-    """Return motions that locally violate limits least.
-
-    Limits are widened by a share of their ranges.
-    """
+    """Return motions that locally violate widened limits least."""
     limits = slice(program.elastic)
     bounds = program.bounds.copy()
     bounds[limits] -= share * program.sides[limits] * program.ranges[limits]
@@ -223,10 +212,7 @@ def _least_violating(program: MotionProgram, q: JointPaths) -> Float[np.ndarray,
 
 
 def is_clearly_infeasible(task: MotionTask, motion: Motion) -> bool:
-    """Return whether clearly no motion satisfies all limits, without proof.
-
-    ``motion`` is the least-violating one.
-    """
+    """Return whether clearly no motion satisfies all limits, without proof."""
     kind, limit, size = _worst_limit(task, motion)
     if kind in ("position", "clearance"):
         _, violation = _best_postures(task, task.worst_sample(limit, motion))
@@ -235,10 +221,7 @@ def is_clearly_infeasible(task: MotionTask, motion: Motion) -> bool:
 
 
 def explain_violation(task: MotionTask, motion: Motion) -> str:
-    """Return which limit a motion violates most, in words, with remedies.
-
-    The text says where and by how much; it is "" if no limit is violated.
-    """
+    """Return in words which limit a motion violates most, with remedies."""
     return task.describe_violation(motion) + remedy_text(task, motion)
 
 
@@ -249,9 +232,7 @@ def infeasible_error(
 
     q: least-violating motions on a level of the task, best first
     status: status of the solver
-    sample: sample at which no posture satisfies the limits, if known
-
-    Numbers of samples are those of ``task``.
+    sample: sample of ``task`` at which no posture satisfies the limits, if known
     """
     motion = level.motion(q[0])
     violations = level.violations(motion)
@@ -305,16 +286,30 @@ def _worst_limit(task: MotionTask, motion: Motion) -> tuple[str, int, float]:
 
 
 def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> str:
-    """Return remedies for the limit that a motion violates most.
+    """Return remedies for the limit that the least-violating motion violates most.
 
-    The text is "; it may help: ...", or "" for a user's own limit. The motion is the least-violating one. If no posture
-    tried at the sample (or at the worst one) satisfies the limits, the text begins with their number.
+    The text is "" for a user's own limit. If no posture tried at the sample (or at the worst one) satisfies the limits,
+    it begins with their number.
     """
     kind, limit, _ = _worst_limit(task, motion)
     if not kind:
         return ""
-    if kind in ("torque", "power") and (weight := _weight_text(task, motion)):
-        return weight
+    if kind in ("torque", "power") and "torque" in task.bounds and task.arm.gravity.any():
+        # whether gravity is too much at the sample at which the motion's posture needs the largest share of a limit
+        rest = int(np.argmax([_overload(task, k, motion.q[k][None])[0] for k in range(len(task.times))]))
+        q, load = _best_postures(task, rest, _overload)
+        if len(q) and not load.min() <= 1.0:
+            torque = gravity_torques(task.arm, q[int(np.argmin(load))])
+            limits = _at_sample(task.bounds["torque"], rest)[np.arange(task.arm.dof), (torque > 0).astype(int)]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                joint = int(np.nanargmax(torque / limits))
+            unit = "N m" if task.arm.periodic[joint] else "N"
+            return (
+                f"; gravity is too much to hold the arm at rest at sample {rest} ({task.times[rest]:.3g} s): in the "
+                f"best of {len(q)} postures tried {task.arm.joint_names[joint]} needs {abs(torque[joint]):.3g} {unit}, "
+                f"its limit is {abs(limits[joint]):.3g} {unit}; it may help: a smaller payload, a higher torque limit, "
+                "another place of the path"
+            )
     text = f"; it may help: {REMEDIES[kind]}"
     if kind in ("position", "clearance"):
         worst = task.worst_sample(limit, motion) if sample is None else sample
@@ -327,8 +322,7 @@ def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> 
 def _sample_without_posture(task: MotionTask, rollouts: JointPaths) -> int | None:
     """Return a sample at which no posture found satisfies the limits.
 
-    These are limits on position, clearance and velocity; None if there is no such sample. Only samples at which no
-    roll-out satisfies the limits are tried, the worst first.
+    These are limits on position, clearance and velocity. Only samples at which no roll-out satisfies them are tried.
     """
     obstructed = obstructed_sample(task)
     if obstructed is not None:
@@ -351,10 +345,9 @@ def _best_postures(
     measure: Callable[[MotionTask, int, np.ndarray], np.ndarray] | None = None,
     others: Float[np.ndarray, "postures dof"] | None = None,
 ) -> tuple[Float[np.ndarray, "tried dof"], Float[np.ndarray, " tried"]]:
-    """Return postures that reach a sample, and their violations.
+    """Return postures that reach a sample, and their violations (``measure``).
 
-    Violations are those of limits on position and clearance, or of ``measure``. The postures are random ones and
-    ``others``, then the best of these, moved along the self-motion to smaller violations.
+    They are random ones and ``others``, then the best of these, moved along the self-motion to smaller violations.
     """
     value_of, rng = partial(measure or _posture_violation, task, sample), np.random.default_rng(0)
     if task.start is not None and sample == 0:
@@ -377,10 +370,7 @@ def _best_postures(
 
 
 def _posture_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
-    """Return the worst violation (postures,) of position limits and clearance.
-
-    It is a share of the limit's range.
-    """
+    """Return the worst relative violation (postures,) of position limits and clearance."""
     worst = np.zeros(len(q))
     if "position" in task.bounds:
         here = _at_sample(task.bounds["position"], sample)
@@ -394,11 +384,11 @@ def _posture_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarr
 
 
 def _speed_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
-    """Return the least excess (postures,) over velocity limits.
+    """Return the least relative excess (postures,) over velocity limits.
 
-    It is a share of their ranges. On the curve of a spline the tool moves at ẋ = J q̇ for any self-motion. If |q̇ᵢ| ≤ f
-    sᵢ, with limits sᵢ, then u·ẋ ≤ f Σᵢ |u·Jᵢ| sᵢ for every unit vector u. The result is 0 if a joint has no limit, and
-    for finite differences, because their velocities are those of chords.
+    On the curve of a spline the tool moves at ẋ = J q̇ for any self-motion. If |q̇ᵢ| ≤ f sᵢ, with limits sᵢ, then
+    u·ẋ ≤ f Σᵢ |u·Jᵢ| sᵢ for every unit vector u. The result is 0 if a joint has no limit, and for finite differences,
+    because their velocities are those of chords.
     """
     fastest = np.abs(task.bounds.get("velocity", np.full((1, task.arm.dof, 2), np.inf))).max(axis=(0, 2))
     if task.differences != "spline" or not np.isfinite(fastest).all():
@@ -421,40 +411,12 @@ def _at_sample(bounds: Bounds, sample: int) -> Float[np.ndarray, "dof 2"]:
 
 
 def _overload(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
-    """Return the largest share (postures,) of a joint's torque limit at rest.
-
-    This is the torque that gravity needs.
-    """
+    """Return the largest share (postures,) of torque limits that gravity needs."""
     lower, upper = _at_sample(task.bounds["torque"], sample).T
     torque = gravity_torques(task.arm, q)
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(torque > 0, torque / upper, torque / lower)
     return np.asarray(np.nan_to_num(shares, posinf=np.inf).max(axis=1))
-
-
-def _weight_text(task: MotionTask, motion: Motion) -> str:
-    """Return that torque limits cannot hold the arm at rest, in words.
-
-    The text is "" if they can in some posture. The sample is the one at which the motion's posture needs the largest
-    share of a limit.
-    """
-    if "torque" not in task.bounds or not task.arm.gravity.any():
-        return ""
-    sample = int(np.argmax([_overload(task, k, motion.q[k][None])[0] for k in range(len(task.times))]))
-    q, load = _best_postures(task, sample, _overload)
-    if load.min(initial=np.inf) <= 1.0 or not len(q):
-        return ""
-    torque = gravity_torques(task.arm, q[int(np.argmin(load))])
-    limits = _at_sample(task.bounds["torque"], sample)[np.arange(task.arm.dof), (torque > 0).astype(int)]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        joint = int(np.nanargmax(torque / limits))
-    unit = "N m" if task.arm.periodic[joint] else "N"
-    return (
-        f"; gravity is too much to hold the arm at rest at sample {sample} ({task.times[sample]:.3g} s): in the best "
-        f"of {len(q)} postures tried {task.arm.joint_names[joint]} needs {abs(torque[joint]):.3g} {unit}, its limit is "
-        f"{abs(limits[joint]):.3g} {unit}; it may help: a smaller payload, a higher torque limit, another place of the "
-        "path"
-    )
 
 
 def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
@@ -532,10 +494,7 @@ def _may_reach(
     bend: np.ndarray,
     steps: Sequence[tuple[int, np.ndarray]],
 ) -> np.ndarray:
-    """Return which boxes may reach a sample and, by ``steps``, its neighbours.
-
-    The neighbours are the samples before and after.
-    """
+    """Return which boxes may reach a sample and, by ``steps``, its neighbours."""
     error, jacobian = task_errors(task.arm, task.tasks, center, task.targets[sample])
     rest, blur = np.einsum("bi,ij,bj->b", half, bend, half) / 2, half @ bend
     turning = (half * task.arm.periodic).sum(axis=1)
@@ -559,7 +518,7 @@ def _may_reach(
 def _directions(path: np.ndarray, jacobian: np.ndarray) -> list[Float[np.ndarray, "boxes axes"]]:
     """Return unit vectors along which the tool may be too slow.
 
-    They are along the path, and normal to columns of J. The possible velocities of the tool are a zonotope, whose
+    They are along the path, and normal to columns of J: the possible velocities of the tool are a zonotope, whose
     facets are normal to columns of J.
     """
     along = path / max(float(np.linalg.norm(path)), 1e-300)

@@ -1,7 +1,4 @@
-"""Levels of samples: refine local optima from the coarsest level upwards.
-
-Source: Tringali & Cocuzza 2020, section 3.1.4.
-"""
+"""Levels of samples: refine local optima from the coarsest level upwards (Tringali & Cocuzza 2020, section 3.1.4)."""
 
 from __future__ import annotations
 
@@ -30,19 +27,13 @@ from paretoik.trajectory.transcription import MotionProgram, motion_program
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LevelProgress:
-    """A finished level of samples.
+    """A finished level of samples."""
 
-    task: task on the level
-    starts: motions that the level started from
-    ends: motions that the starts led to
-    converged: whether the solver found each end optimal
-    optima: distinct optima, best first; if none is feasible, the least-violating motions
-    """
-
-    task: MotionTask
-    starts: Float[np.ndarray, "starts samples dof"]
-    ends: Float[np.ndarray, "starts samples dof"]
-    converged: Bool[np.ndarray, " starts"]
+    task: MotionTask  # task on the level
+    starts: Float[np.ndarray, "starts samples dof"]  # motions that the level started from
+    ends: Float[np.ndarray, "starts samples dof"]  # motions that the starts led to
+    converged: Bool[np.ndarray, " starts"]  # whether the solver found each end optimal
+    # distinct optima, best first; if none is feasible, the least-violating motions
     optima: Float[np.ndarray, "optima samples dof"]
     feasible: bool
 
@@ -52,10 +43,7 @@ class LevelProgress:
         return len(self.task.times)
 
     def describe_violation(self, task: MotionTask) -> str:
-        """Return in words which limits the least-violating motion breaks.
-
-        Samples are numbered as in ``task``; the text is "" if the level is feasible.
-        """
+        """Return in words, or as "", which limits the least-violating motion breaks."""
         if self.feasible or not len(self.optima):
             return ""
         motion = self.task.motion(self.optima[0])
@@ -71,9 +59,8 @@ def explained_interruption(
 ) -> Iterator[ObserveLevel]:
     """Run a search in the body; explain a signal that ends it.
 
-    The exception gets the least-violating motion and the violated limits. The body gets a function to call after each
-    level; this function also calls ``observe``. If no level is done yet, the motion is the first of ``rollouts``, the
-    least-violating one.
+    The exception gets the least-violating motion (the first of ``rollouts`` if no level is done yet) and the violated
+    limits. The body gets a function to call after each level; it also calls ``observe``.
     """
     seen = list[LevelProgress]()
 
@@ -96,10 +83,7 @@ def explained_interruption(
 
 
 def at_samples(task: MotionTask, motion: Motion) -> Motion:
-    """Return a coarser level's motion at the task's own samples.
-
-    A motion that leaves its path there is returned as it is.
-    """
+    """Return a coarser level's motion at the task's samples, if it can."""
     if motion.q.shape[-2] == len(task.times):
         return motion
     try:
@@ -123,10 +107,7 @@ Disturb = Callable[[MotionProgram, Solutions], Solutions]
 
 @dataclass(frozen=True, kw_only=True)
 class LevelOptions:
-    """Settings of refinement between levels.
-
-    ``cold`` is for the coarsest level, ``warm`` for starts from optima of coarser levels.
-    """
+    """Settings of refinement between levels, ``cold`` on the first, then ``warm``."""
 
     coarsest: int = 26  # number of samples: with half as many, the best torque optimum does not exist
     distinct: float = 0.01  # rad or arm lengths, RMS: two optima that are nearer are one
@@ -159,10 +140,7 @@ def level_samples(samples: int) -> list[int]:
 
 
 def first_levels(samples: int) -> list[int]:
-    """Return the levels to try as first one, in order.
-
-    The next is tried if one leads to no motion; 0 is the coarsest level.
-    """
+    """Return the levels to try as first one, in order."""
     last = len(level_samples(samples)) - 1
     return sorted({0, min(1, last), last})
 
@@ -173,10 +151,7 @@ def coarsest_level(task: MotionTask, first: int = 0) -> MotionTask:
 
 
 def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"], first: int = 0) -> list[MotionProgram]:
-    """Return the programs of all levels from ``first`` on.
-
-    The last level is the task itself. Objectives are divided by ``scales``.
-    """
+    """Return the programs of all levels from ``first`` to the task's own."""
     coarser = [task.subsample(samples) for samples in level_samples(len(task.times))[first:-1]]
     return [motion_program(level, scales) for level in (*coarser, task)]
 
@@ -184,8 +159,7 @@ def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"], first:
 def objective_scales(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
     """Return each objective's size at the best coarse start.
 
-    It is the unit of barriers and tolerances. Optima are much better than starts. If one start is next to 0 by chance,
-    the size is a share of the usual value.
+    It is the unit of barriers and tolerances. If one start is next to 0 by chance, it is a share of the usual value.
     """
     level = task.subsample(q.shape[1])
     sizes = [size[np.isfinite(size)] for size in np.abs(require_values(level, level.motion(q)).T)]
@@ -262,7 +236,7 @@ def refine_levels(
 
 
 def level_progress(task: MotionTask, starts: np.ndarray, ends: Solutions, optima: Solutions) -> LevelProgress:
-    """Return a plan's progress after a level; starts led to ``ends``."""
+    """Return a plan's progress after a level."""
     return LevelProgress(
         task=task,
         starts=starts,
@@ -284,9 +258,7 @@ def _solve_level(
 ) -> tuple[Solutions, np.ndarray]:
     """Return the solutions of starts and ``further`` ones, and all starts.
 
-    Interrupted has the solutions so far.
-
-    The starts alternate between options: ``barriers``, or the options of ``further``; all end at the same barrier.
+    The starts alternate between ``barriers``, or the options of ``further``; all end at the same barrier.
     """
 
     def search(starts: np.ndarray, options: Sequence[InteriorPointOptions]) -> Solutions:
@@ -312,9 +284,9 @@ def _unfinished(
     weights: np.ndarray,
     *levels: tuple[MotionProgram, Solutions | None] | None,
 ) -> Solutions:
-    """Return the optima so far, at the last level's samples, unconverged.
+    """Return the unconverged optima so far of the first of ``levels``.
 
-    They are those of the first entry of ``levels`` that has some. Raises Interrupted if no entry has some.
+    They are at the last level's samples. Raises Interrupted if no level has some.
     """
     for program, solutions in filter(None, levels):
         if solutions is None or not solutions.converged.any():
@@ -333,10 +305,7 @@ def _unfinished(
 def distinct_rows(
     task: MotionTask, solutions: Solutions, merit: Float[np.ndarray, " points"], *, limit: int
 ) -> Int[np.ndarray, " rows"]:
-    """Return one row of every optimum, best first.
-
-    If no solution converged, the least-violating ones are returned.
-    """
+    """Return one row of every optimum, else of the least-violating solutions."""
     order = np.lexsort((merit, np.round(solutions.violation, 6)))
     if solutions.converged.any():
         order = np.argsort(np.where(solutions.converged, merit, np.inf), kind="stable")[: solutions.converged.sum()]
@@ -350,19 +319,14 @@ def distinct_rows(
 
 
 def coarse(options: InteriorPointOptions) -> InteriorPointOptions:
-    """Return options for a level that a finer one follows.
-
-    The search ends at the first barrier of the finer level.
-    """
+    """Return options that end at the first barrier of the finer level."""
     return options._replace(last_barrier=OPTIONS.warm.barrier, tolerance=OPTIONS.warm.barrier)
 
 
 def on_more_samples(
     result: Result, errors: Callable[[Result], Float[np.ndarray, " inexact"]], refine: Callable[[Result], Result | None]
 ) -> Result:
-    """Return a result on more samples, if its values are inexact.
-
-    The result is a plan or a front. Its values are inexact if they differ too much from those of the curves.
+    """Return a plan or front on more samples, if values are inexact.
 
     errors: function that returns the relative errors of the inexact values
     refine: function that returns the result with a sample added in every interval; None if too much would be lost
@@ -388,10 +352,7 @@ def on_more_samples(
 def resample(
     task: MotionTask, q: Float[np.ndarray, "motions samples dof"], finer: MotionTask
 ) -> Float[np.ndarray, "resampled time dof"]:
-    """Return motions at the samples of a finer level.
-
-    Motions that leave the path between their own samples are left out.
-    """
+    """Return motions at finer samples, without those that leave the path."""
     motions = task.motion(q)
     with suppress(Infeasible):
         return motions.at(finer.times)

@@ -15,82 +15,188 @@ from paretoik.nlp.banded import kernel as steps
 from paretoik.nlp.banded.kernel import implement
 from paretoik.nlp.linear_algebra import add_scaled, clear, inner_product, norm
 from paretoik.trajectory import curve_state_kernel as curve_states
-from paretoik.trajectory import kink_smoothing
-from paretoik.trajectory import self_motion_kernel as self_motion_steps
-from paretoik.trajectory.kernel_arrays import MotionKernel, allocate, sample_count
+from paretoik.trajectory.kernel_arrays import (
+    MotionKernel,
+    add_hessian,
+    add_path_hessian,
+    add_transposed_stencil,
+    allocate,
+    apply_stencil,
+    expand_motion_step,
+    local_basis,
+    path_multipliers,
+    project_gradient,
+    retract_motion,
+    sample_count,
+    tangent_frames,
+    tie_last_sample,
+)
 
-# Limits on variables and functions of an instant, as rows of the program; compiled
+# Kinks of an instant's functions, smoothed according to the barrier; compiled
 #
-# Row i is factors[i] · (value − bounds[i]) ≥ 0. Its value is that of row ``limited``[i, 0] at instant
-# ``limited``[i, 1]; rows are the variables u at an instant, then the limited functions.
+# A slack v is max(a, b), or min(a, b) with sign −1; its ties are v − a and v − b, times the sign. It is eliminated by
+# v = (a + b)/2 ± √(E² + ν²) with E = (a − b)/2, and its width ν decreases with the barrier. So every function of v is a
+# smooth function of u and still banded in time. The derivative λ = E / √(E² + ν²) solves λ √(E² + ν²) = E. Newton's
+# method iterates E and λ together: its Hessian has (1 − λ λ̂) / √(E² + ν²) instead of the second derivative
+# (1 − λ²) / √(E² + ν²), and λ̂ is the λ predicted in the last step. With λ² steps would be very small if ν is small. If
+# λ̂ moves to its bounds slowly, a kink stays stiff after it is crossed, so that steps do not oscillate; with λ̂ = 0 the
+# iteration is lagged diffusivity, which never oscillates. Source: Chan, Golub & Mulet 1999, section 4; Vogel & Oman
+# 1996 for lagged diffusivity.
+#
+# With weight w in the objective and a barrier μ on each tie, a slack would be 2 μ / w above a kink of size 0. The sizes
+# of all kinks add up to the size of the objective, 1. Therefore the width of each, in its own size, is μ times the
+# number of kinks.
 
 
 @compiled
-def limit_gradient(kernel, work, multipliers):
-    """Write the gradient of −multipliers · c by u.
+def evaluate_functions(kernel, work):
+    """Write the functions of all samples, with smoothed slacks v."""
+    inputs, values, kinks, arguments = work.inputs, work.values, kernel.kinks, work.arguments
+    for j in range(len(kinks)):
+        inputs[kinks[j, 0]] = 0.0
+    for _ in range(kernel.nesting):  # inner kinks first
+        run(kernel.value, work.inputs, work.values)
+        for j in range(len(kinks)):
+            row, sign, tie, width = kinks[j, 0], kinks[j, 2], kinks[j, 3], work.widths[j, 1]
+            excess = width - kernel.least_smoothing * work.widths[j, 0]
+            for s in range(values.shape[1]):
+                v = sign * inputs[row, s]
+                first, second = values[tie, s] - v, values[tie + 1, s] - v
+                arguments[j, s] = (second - first) / 2
+                size = np.sqrt(arguments[j, s] ** 2 + width * width) - excess
+                inputs[row, s] = sign * (size - (first + second) / 2)
+    run(kernel.value, work.inputs, work.values)
 
-    The multipliers of variables and rows are written too, in their own units.
-    """
-    gradient_u, by_row, gradients = work.gradient_u, work.by_row, work.gradients
-    limited, factors = kernel.limited, kernel.factors
-    variables, samples = gradient_u.shape
-    clear(by_row)
-    for i in range(len(factors)):
-        by_row[limited[i, 0], limited[i, 1]] -= factors[i] * multipliers[i]
-    sums = len(work.objective_gradients)
-    for a in range(variables):
+
+@compiled
+def measure_kinks(kernel, work):
+    """Write the size of each kink's argument, its mean over time."""
+    samples, largest = work.arguments.shape[1], 0.0
+    for j in range(len(kernel.kinks)):
+        work.widths[j, 0] = 0.0
         for s in range(samples):
-            gradient_u[a, s] = by_row[a, s]
-        for g in range(len(kernel.row_peaks)):
+            work.widths[j, 0] += abs(work.arguments[j, s]) / samples
+        largest = max(largest, work.widths[j, 0])
+    for j in range(len(kernel.kinks)):
+        work.widths[j, 0] = max(work.widths[j, 0], 1e-3 * largest, 1e-300)
+
+
+@compiled
+def linearise_kinks(kernel, work):
+    """Write slopes and second derivatives of all kinks, and predicted duals.
+
+    A dual moves at most a share of the way to its bounds ±1: a crossed kink stays stiff for some steps.
+    """
+    share = 1.0 - kernel.dual_fraction
+    for j in range(len(kernel.kinks)):
+        width = work.widths[j, 1]
+        for s in range(work.arguments.shape[1]):
+            argument, dual = work.arguments[j, s], work.duals[j, s]
+            expected = work.slopes_at[j, s] + work.bends[j, s] * (argument - work.arguments_at[j, s])
+            dual = min(max(expected, share * (1.0 + dual) - 1.0), 1.0 - share * (1.0 - dual))
+            length = np.sqrt(argument * argument + width * width)
+            work.duals[j, s], work.slopes_at[j, s], work.arguments_at[j, s] = dual, argument / length, argument
+            work.bends[j, s] = (1.0 - dual * argument / length) / length
+
+
+@compiled
+def chain_gradients(kernel, work):
+    """Add the part by v to all gradients by u."""
+    gradients, kinks, by_u = work.gradients, kernel.kinks, work.slack_gradients
+    variables, samples = work.gradient_u.shape
+    first_tie = len(gradients) - 2 * len(kinks)
+    for j in range(len(kinks)):
+        sign, tie = kinks[j, 2], kinks[j, 3]
+        for f in range(tie, tie + 2):
+            _chain(kernel, work, f, j)
+        for a in range(variables):
             for s in range(samples):
-                gradient_u[a, s] += by_row[variables + g, s] * gradients[sums + g, a, s]
+                slope = work.slopes_at[j, s]
+                by_u[j, a, s] = (
+                    -0.5 * sign * ((1.0 + slope) * gradients[tie, a, s] + (1.0 - slope) * gradients[tie + 1, a, s])
+                )
+    for f in range(first_tie):
+        _chain(kernel, work, f, len(kinks))
 
 
 @compiled
-def sum_stiffness(kernel, work, stiffness):
-    """Write the stiffness of variables and rows in their own units."""
-    by_row, limited = work.by_row, kernel.limited
-    clear(by_row)
-    for i in range(len(limited)):
-        by_row[limited[i, 0], limited[i, 1]] += stiffness[i] * kernel.factors[i] ** 2
+def _chain(kernel, work, f, count):
+    """Add the chain rule's terms of the first ``count`` slacks to ∂f/∂u."""
+    gradients, by_u = work.gradients, work.slack_gradients
+    for j in range(count):
+        column = kernel.kinks[j, 1]
+        for a in range(by_u.shape[1]):
+            for s in range(by_u.shape[2]):
+                gradients[f, a, s] += gradients[f, column, s] * by_u[j, a, s]
 
 
 @compiled
-def write_rows(kernel, work, columns, entries):
-    """Write limits' rows by the unknowns; without kinks and peaks only."""
-    variables, instants = work.gradient_u.shape
-    limited, gradients, sums = kernel.limited, work.gradients, len(work.objective_gradients)
-    r, width = work.tangent.shape[2], entries.shape[1]
-    local = np.zeros((instants, variables, width))
-    for s in range(instants):
-        self_motion_steps.local_basis(
-            s, kernel.neighbours, kernel.coefficients, work.tangent, work.curve.chain, local[s]
-        )
-    for i in range(len(limited)):
-        row, s, factor = limited[i, 0], limited[i, 1], kernel.factors[i]
-        for b in range(width):
-            first = kernel.first_unknown[kernel.neighbours[s, b // r]]
-            columns[i, b] = first + b % r if first >= 0 else 0
-            entries[i, b] = factor * local[s, row, b] if row < variables and first >= 0 else 0.0
-        if row >= variables:
-            for a in range(variables):
-                scaled = factor * gradients[sums + row - variables, a, s]
-                if scaled != 0.0:
-                    for b in range(width):
-                        if kernel.first_unknown[kernel.neighbours[s, b // r]] >= 0:
-                            entries[i, b] += scaled * local[s, a, b]
+def tie_multipliers(kernel, work, weights):
+    """Write the multipliers of ties and the kinks' second-derivative weights."""
+    inputs, gradients, kinks, by_row = work.inputs, work.gradients, kernel.kinks, work.by_row
+    variables, samples = work.gradient_u.shape
+    sums, rows, first = len(work.objective_gradients), len(kernel.row_peaks), kernel.multipliers[1]
+    for j in range(len(kinks) - 1, -1, -1):  # outermost first
+        column, sign, tie = kinks[j, 1], kinks[j, 2], kinks[j, 3]
+        for s in range(samples):
+            weight = 0.0
+            for k in range(sums):
+                weight += inputs[first + k, s] * gradients[k, column, s]
+            for g in range(rows):
+                weight += by_row[variables + g, s] * gradients[sums + g, column, s]
+            for i in range(j + 1, len(kinks)):
+                outer = kinks[i, 3]
+                for f in range(outer, outer + 2):
+                    weight += inputs[first + f, s] * gradients[f, column, s]
+            slope = work.slopes_at[j, s]
+            inputs[first + tie, s] = -0.5 * sign * weight * (1.0 + slope)
+            inputs[first + tie + 1, s] = -0.5 * sign * weight * (1.0 - slope)
+            work.slack_weights[j, s] = sign * weight * work.bends[j, s]
+
+
+@compiled
+def add_kink_hessian(kernel, work, s, row, phi):
+    """Add entries by v and kinks to instant s's Hessian (U, U)."""
+    second_i, second_j, kinks, gradients = kernel.second_i, kernel.second_j, kernel.kinks, work.gradients
+    variables = len(phi)
+    other = np.empty(variables)
+    for e in range(len(second_i)):
+        if second_i[e] >= variables or second_j[e] >= variables:
+            value = work.seconds[e, s]
+            if value != 0.0:
+                _variable_gradient(kernel, work, second_i[e], s, row)
+                _variable_gradient(kernel, work, second_j[e], s, other)
+                _add_outer(phi, value if second_i[e] != second_j[e] else 0.5 * value, row, other)
+    for j in range(len(kinks)):
+        tie = kinks[j, 3]
+        for a in range(variables):
+            row[a] = 0.5 * (gradients[tie + 1, a, s] - gradients[tie, a, s])
+        _add_outer(phi, 0.5 * work.slack_weights[j, s], row, row)
+
+
+@compiled
+def _variable_gradient(kernel, work, variable, s, row):
+    """Write the gradient by u of instant s's variable or slack."""
+    for a in range(len(row)):
+        row[a] = 1.0 if a == variable else 0.0
+    for j in range(len(kernel.kinks)):
+        if kernel.kinks[j, 1] == variable:
+            for a in range(len(row)):
+                row[a] = work.slack_gradients[j, a, s]
+
+
+@compiled
+def _add_outer(phi, factor, row, other):
+    """Add factor · (row otherᵀ + other rowᵀ)."""
+    for a in range(len(row)):
+        for b in range(len(row)):
+            phi[a, b] += factor * (row[a] * other[b] + other[a] * row[b])
 
 
 # Peaks of a motion: epigraph variables σ on the border of Newton's matrix; compiled
 #
 # A peak is the least σ with σ − piece ≥ 0 for every piece at every sample. The rows σ − piece are ordinary limited
-# rows. These functions add their derivatives by σ, which follows the samples in a point.
-
-
-@compiled
-def peak_rows(kernel, n):
-    """Return the number of rows (n entries each) for a point's peaks."""
-    return (len(kernel.peak_inputs) + n - 1) // n
+# rows; σ follows the samples in a point.
 
 
 @compiled
@@ -98,42 +204,7 @@ def copy_peaks(kernel, work, x):
     """Copy the epigraph variables σ of a point into the functions' inputs."""
     samples, n = sample_count(kernel), x.shape[1]
     for k in range(len(kernel.peak_inputs)):
-        for s in range(len(kernel.ones)):
-            work.inputs[kernel.peak_inputs[k], s] = x[samples + k // n, k % n]
-
-
-@compiled
-def lift_peaks(kernel, work, x):
-    """Write a motion's least σ into its point.
-
-    Functions of samples must have been evaluated at σ = 0.
-    """
-    samples, n = sample_count(kernel), x.shape[1]
-    sums = len(work.objective_gradients)
-    for k in range(len(kernel.peak_inputs)):
-        largest = -np.inf
-        for g in range(len(kernel.row_peaks)):
-            if kernel.row_peaks[g] == k:
-                for s in range(len(kernel.ones)):
-                    largest = max(largest, -work.values[sums + g, s])
-        x[samples + k // n, k % n] = largest
-
-
-@compiled
-def peak_gradient(kernel, work, weights, multipliers, out):
-    """Write the Lagrangian's gradient by σ.
-
-    The Lagrangian is weights · F − multipliers · c. The signed multipliers of rows are those in ``by_row``.
-    """
-    first, variables = kernel.unknowns, len(work.gradient_u)
-    for total in range(len(weights)):
-        if kernel.totals[total] < 0:
-            out[first - 1 - kernel.totals[total]] += weights[total]
-    if len(multipliers):
-        for g in range(len(kernel.row_peaks)):
-            if kernel.row_peaks[g] >= 0:
-                for s in range(work.by_row.shape[1]):
-                    out[first + kernel.row_peaks[g]] += work.by_row[variables + g, s]
+        work.inputs[kernel.peak_inputs[k]] = x[samples + k // n, k % n]
 
 
 @compiled
@@ -142,10 +213,8 @@ def assemble_peaks(kernel, work, A, B, C):
     variables, samples = work.gradient_u.shape
     sums, size = len(work.objective_gradients), A.shape[0]
     for k in range(len(kernel.peak_inputs)):
-        total, row = 0.0, kernel.border + k
-        for a in range(variables):
-            for s in range(samples):
-                work.gradient_u[a, s] = 0.0
+        total, row = 0.0, kernel.stencil.border + k
+        clear(work.gradient_u)
         for g in range(len(kernel.row_peaks)):
             if kernel.row_peaks[g] == k:
                 for s in range(samples):
@@ -154,37 +223,26 @@ def assemble_peaks(kernel, work, A, B, C):
                     for s in range(samples):
                         work.gradient_u[a, s] += work.by_row[variables + g, s] * work.gradients[sums + g, a, s]
         C[row, row] = total
-        for s in range(work.gradient_q.shape[0]):
-            for j in range(work.gradient_q.shape[1]):
-                work.gradient_q[s, j] = 0.0
-        curve_states.chain_gradient(work.curve, work.gradient_u, work.gradient_spline)
-        self_motion_steps.add_transposed_stencil(
-            work.gradient_spline, kernel.ones, kernel.neighbours, kernel.coefficients, work.gradient_q
-        )
-        self_motion_steps.project_gradient(work.gradient_q, work.tangent, kernel.first_unknown, work.projected)
-        for i in range(size):
-            B[row, i] = work.projected[i]
-        for i in range(kernel.border):
+        clear(work.gradient_q)
+        _add_by_positions(kernel, work, work.gradient_u, kernel.ones, work.gradient_q)
+        project_gradient(kernel.stencil, work.gradient_q, work.tangent, work.projected)
+        B[row] = work.projected[:size]
+        for i in range(kernel.stencil.border):
             C[row, i] = C[i, row] = work.projected[size + i]
 
 
-@compiled
-def step_peaks(kernel, step, dx):
-    """Write the change of σ with a step of the unknowns."""
-    samples, n = sample_count(kernel), dx.shape[1]
-    for k in range(len(kernel.peak_inputs)):
-        dx[samples + k // n, k % n] = step[kernel.unknowns + k]
-
-
-# The kernel of motions; compiled.
+# The kernel of motions; compiled
+#
+# Row i of the limits is factors[i] · (value − bounds[i]) ≥ 0. Its value is that of row ``limited``[i, 0] at instant
+# ``limited``[i, 1]; rows are the variables u at an instant, then the limited functions.
 
 
 @implement(steps.dimensions, MotionKernel)
 def dimensions(kernel, x):
     """Return the Newton matrix's (size, band, border), and the limits' number."""
-    rows = len(kernel.curve.row_scales)
-    band = kernel.coefficients.shape[2] * (x.shape[1] - rows)
-    return kernel.unknowns - kernel.border, band, kernel.border + len(kernel.peak_inputs), len(kernel.factors)
+    stencil, rows = kernel.stencil, len(kernel.curve.row_scales)
+    band, peaks = stencil.coefficients.shape[2] * (x.shape[1] - rows), len(kernel.peak_inputs)
+    return stencil.unknowns - stencil.border, band, stencil.border + peaks, len(kernel.factors)
 
 
 @implement(steps.objective_scale, MotionKernel)
@@ -201,20 +259,22 @@ def allocate_workspace(kernel, x):
 
 @implement(steps.add_auxiliary, MotionKernel)
 def add_auxiliary(kernel, work, x):
-    """Return the point of a motion, with each peak's least σ.
-
-    The sizes of kinks are measured.
-    """
+    """Return a motion with each peak's least σ; measure kinks."""
     samples, n = x.shape
-    point = np.zeros((samples + peak_rows(kernel, n), n))
-    for s in range(samples):
-        for j in range(n):
-            point[s, j] = x[s, j] / kernel.scales[j]
+    point = np.zeros((samples + (len(kernel.peak_inputs) + n - 1) // n, n))
+    point[:samples] = x / kernel.scales
     _write_states(kernel, work, point)
     copy_peaks(kernel, work, point)
-    kink_smoothing.evaluate_functions(kernel, work)
-    kink_smoothing.measure_kinks(kernel, work)
-    lift_peaks(kernel, work, point)
+    evaluate_functions(kernel, work)
+    measure_kinks(kernel, work)
+    sums = len(work.objective_gradients)  # functions were evaluated at σ = 0: the least σ is the largest piece
+    for k in range(len(kernel.peak_inputs)):
+        largest = -np.inf
+        for g in range(len(kernel.row_peaks)):
+            if kernel.row_peaks[g] == k:
+                for s in range(len(kernel.ones)):
+                    largest = max(largest, -work.values[sums + g, s])
+        point[samples + k // n, k % n] = largest
     return point
 
 
@@ -222,7 +282,7 @@ def add_auxiliary(kernel, work, x):
 def _write_states(kernel, work, x):
     """Write the variables u of all instants at a point."""
     u, n = work.inputs[: len(work.gradient_spline)], len(kernel.scales)
-    self_motion_steps.apply_stencil(x, kernel.neighbours, kernel.coefficients, u)
+    apply_stencil(kernel.stencil, x, u)
     if kernel.kinked:
         work.inputs[4 * n : 4 * n + len(u)] = u
     curve_states.project_instants(kernel.curve, work.curve, u)
@@ -230,14 +290,9 @@ def _write_states(kernel, work, x):
 
 @compiled
 def _add_by_positions(kernel, work, gradient, scale, gradient_q):
-    """Add the gradient by q from a gradient by u.
-
-    The gradients are (time, dof) and (variables, instants); the latter is multiplied by ``scale`` (instants,).
-    """
+    """Add the gradient by q from one by u, times ``scale`` (instants,)."""
     curve_states.chain_gradient(work.curve, gradient[: len(work.gradient_u)], work.gradient_spline)
-    self_motion_steps.add_transposed_stencil(
-        work.gradient_spline, scale, kernel.neighbours, kernel.coefficients, gradient_q
-    )
+    add_transposed_stencil(kernel.stencil, work.gradient_spline, scale, gradient_q)
 
 
 @implement(steps.remove_auxiliary, MotionKernel)
@@ -249,7 +304,8 @@ def remove_auxiliary(kernel, x):
 @implement(steps.set_smoothing, MotionKernel)
 def set_smoothing(kernel, work, mu):
     """Set the width of kinks; return whether there are any."""
-    kink_smoothing.set_widths(kernel, work, mu)
+    for j in range(len(kernel.kinks)):
+        work.widths[j, 1] = work.widths[j, 0] * max(kernel.smoothing * mu, kernel.least_smoothing)
     return len(kernel.kinks) > 0
 
 
@@ -268,7 +324,7 @@ def evaluate(kernel, work, x, F, c):
     limited, factors, bounds = kernel.limited, kernel.factors, kernel.bounds
     _write_states(kernel, work, x)
     copy_peaks(kernel, work, x)
-    kink_smoothing.evaluate_functions(kernel, work)
+    evaluate_functions(kernel, work)
     for total in range(len(F)):
         k, peak = kernel.totals[total], -1 - kernel.totals[total]
         F[total] = 0.0 if k >= 0 else x[samples + peak // n, peak % n]
@@ -282,35 +338,30 @@ def evaluate(kernel, work, x, F, c):
 
 @implement(steps.linearise, MotionKernel)
 def linearise(kernel, work, x):
-    """Prepare the path's tangent and the gradients at x.
-
-    Returns False at a singularity.
-    """
-    slopes, gradients, instants = work.slopes, work.gradients, len(kernel.ones)
+    """Prepare the tangent and gradients at x; return False at a singularity."""
+    slopes, gradients = work.slopes, work.gradients
     slope_of, slope_by = kernel.slope_of, kernel.slope_by
     _write_states(kernel, work, x)
     if len(kernel.kinks):
         copy_peaks(kernel, work, x)
-        kink_smoothing.evaluate_functions(kernel, work)
-        kink_smoothing.linearise_kinks(kernel, work)
-    for s in range(work.path_inputs.shape[1]):
-        for j in range(x.shape[1]):
-            work.path_inputs[j, s] = x[s, j]
+        evaluate_functions(kernel, work)
+        linearise_kinks(kernel, work)
+    samples, n = work.path_inputs.shape[1], x.shape[1]
+    work.path_inputs[:n] = x[:samples].T
     run(kernel.track, work.path_inputs, work.tracked)
     curve_states.linearise_instants(kernel.curve, work.curve)
-    if not self_motion_steps.tangent_frames(work.tracked, work.tangent, work.normal, work.triangle):
+    if not tangent_frames(work.tracked, work.tangent, work.normal, work.triangle):
         return False
     if kernel.stops:
-        self_motion_steps.tie_last_sample(work.tangent, work.normal)
+        tie_last_sample(work.tangent, work.normal)
     run(kernel.slope, work.inputs, work.slopes)
     functions = len(gradients)
     for f in range(functions if len(kernel.kinks) else 0):  # entries that are always 0
         clear(gradients[f])
     for e in range(len(slope_of)):
-        for s in range(instants):
-            gradients[slope_of[e], slope_by[e], s] = slopes[functions + e, s]
+        gradients[slope_of[e], slope_by[e]] = slopes[functions + e]
     if len(kernel.kinks):
-        kink_smoothing.chain_gradients(kernel, work)
+        chain_gradients(kernel, work)
     for k in range(len(work.objective_gradients)):
         gradient = work.objective_gradients[k]
         clear(gradient)
@@ -320,42 +371,53 @@ def linearise(kernel, work, x):
 
 @implement(steps.reduced_gradient, MotionKernel)
 def reduced_gradient(kernel, work, weights, multipliers, out):
-    """Write the reduced gradient of weights · F − multipliers · c.
+    """Write the Lagrangian's gradient by the unknowns and σ.
 
-    It is by the unknowns; the gradient by q is in the workspace.
+    The Lagrangian is weights · F − multipliers · c. Its gradients by u and q and the multipliers of variables and
+    rows, in their own units, are in the workspace.
     """
+    gradient_u, by_row, gradients = work.gradient_u, work.by_row, work.gradients
+    limited, factors, row_peaks = kernel.limited, kernel.factors, kernel.row_peaks
+    (variables, instants), sums = gradient_u.shape, len(work.objective_gradients)
     clear(work.gradient_q)
-    clear(work.gradient_u)
+    clear(gradient_u)
     if len(multipliers):
-        limit_gradient(kernel, work, multipliers)
+        clear(by_row)
+        for i in range(len(factors)):
+            by_row[limited[i, 0], limited[i, 1]] -= factors[i] * multipliers[i]
+        for a in range(variables):
+            gradient_u[a] = by_row[a]
+            for g in range(len(row_peaks)):
+                for s in range(instants):
+                    gradient_u[a, s] += by_row[variables + g, s] * gradients[sums + g, a, s]
         _add_by_positions(kernel, work, work.gradient_u, kernel.ones, work.gradient_q)
     for total in range(len(weights)):
         if weights[total] != 0.0 and kernel.totals[total] >= 0:
             add_scaled(work.gradient_q, weights[total], work.objective_gradients[kernel.totals[total]])
-    self_motion_steps.project_gradient(work.gradient_q, work.tangent, kernel.first_unknown, out)
-    peak_gradient(kernel, work, weights, multipliers, out)
+    project_gradient(kernel.stencil, work.gradient_q, work.tangent, out)
+    for total in range(len(weights)):
+        if kernel.totals[total] < 0:
+            out[kernel.stencil.unknowns - 1 - kernel.totals[total]] += weights[total]
+    for g in range(len(row_peaks) if len(multipliers) else 0):
+        if row_peaks[g] >= 0:
+            for s in range(instants):
+                out[kernel.stencil.unknowns + row_peaks[g]] += by_row[variables + g, s]
 
 
 @implement(steps.prepare_multipliers, MotionKernel)
 def prepare_multipliers(kernel, work, weights):
-    """Write path, sum and row multipliers as inputs of the Hessian.
-
-    The Hessian is that of the Lagrangian.
-    """
+    """Write path, sum and row multipliers as inputs of the Lagrangian's Hessian."""
     first, variables, samples = kernel.multipliers, len(work.gradient_u), work.gradient_u.shape[1]
     inputs, by_row, quadrature = work.inputs, work.by_row, kernel.quadrature
-    for g in range(len(by_row) - variables):
-        for s in range(samples):
-            inputs[first[2] + g, s] = by_row[variables + g, s]
+    inputs[first[2] : first[2] + len(by_row) - variables] = by_row[variables:]
     for total in range(len(weights)):
         if kernel.totals[total] >= 0:
-            for s in range(samples):
-                inputs[first[1] + kernel.totals[total], s] = weights[total] * quadrature[s]
+            inputs[first[1] + kernel.totals[total]] = weights[total] * quadrature
     if len(kernel.kinks):
-        kink_smoothing.tie_multipliers(kernel, work, weights)
+        tie_multipliers(kernel, work, weights)
     rows = len(kernel.curve.row_scales)
     nu = work.path_inputs[first[0] : first[0] + rows]
-    self_motion_steps.path_multipliers(work.gradient_q, work.normal, work.triangle, nu)
+    path_multipliers(work.gradient_q, work.normal, work.triangle, nu)
     if kernel.curve.projects:
         by_curve = work.gradient_spline
         by_curve[:] = work.gradient_u[: len(by_curve)]
@@ -376,45 +438,39 @@ def residual_norm(kernel, residual):
 
 @implement(steps.assemble, MotionKernel)
 def assemble(kernel, work, stiffness, A, B, C):
-    """Write Newton's matrix, sample by sample.
-
-    It is the Lagrangian's second derivatives plus the stiffness of limits.
-    """
-    variables, samples = work.gradient_u.shape
+    """Write the Lagrangian's second derivatives plus the stiffness of limits."""
+    (variables, samples), sums = work.gradient_u.shape, len(work.objective_gradients)
     states = len(work.gradient_spline)
     behind = 2 * states if kernel.curve.projects else variables  # the spline's u follow those of the curve
-    local = np.zeros((behind, kernel.coefficients.shape[2] * work.tangent.shape[2]))
+    local = np.zeros((behind, kernel.stencil.coefficients.shape[2] * work.tangent.shape[2]))
     phi, row, half = np.zeros((behind, behind)), np.empty(variables), np.zeros(local.shape)
     run(kernel.curvature, work.inputs, work.seconds)
     run(kernel.track_curvature, work.path_inputs, work.track_seconds)
-    self_motion_steps.add_path_hessian(work.track_seconds, work.tangent, kernel.first_unknown, A, C)
-    sum_stiffness(kernel, work, stiffness)
-    stencil = kernel.neighbours, kernel.coefficients, kernel.first_unknown
+    add_path_hessian(kernel.stencil, work.track_seconds, work.tangent, A, C)
+    by_row, gradients, limited = work.by_row, work.gradients, kernel.limited
+    clear(by_row)  # the stiffness of variables and rows, in their own units
+    for i in range(len(limited)):
+        by_row[limited[i, 0], limited[i, 1]] += stiffness[i] * kernel.factors[i] ** 2
     for s in range(samples):
         clear(phi)
-        # add the Hessian of one sample by u
-        block = phi[:variables, :variables]
-        variables, sums = len(row), len(work.objective_gradients)
-        second_i, second_j, seconds = kernel.second_i, kernel.second_j, work.seconds
-        by_row, gradients = work.by_row, work.gradients
-        for e in range(len(second_i)):
-            i, j = second_i[e], second_j[e]
+        block = phi[:variables, :variables]  # the Hessian by u
+        for e in range(len(kernel.second_i)):
+            i, j = kernel.second_i[e], kernel.second_j[e]
             if i < variables and j < variables:
-                block[i, j] = block[j, i] = seconds[e, s]
+                block[i, j] = block[j, i] = work.seconds[e, s]
         for a in range(variables):
             block[a, a] += by_row[a, s]
         if len(kernel.kinks):
-            kink_smoothing.add_kink_hessian(kernel, work, s, row, block)
+            add_kink_hessian(kernel, work, s, row, block)
         for g in range(len(kernel.row_peaks)):
-            for a in range(variables):
-                row[a] = gradients[sums + g, a, s]
+            row[:] = gradients[sums + g, :variables, s]
             for a in range(variables):
                 scaled = by_row[variables + g, s] * row[a]
                 if scaled != 0.0:
                     for b in range(variables):
                         block[a, b] += scaled * row[b]
         curve_states.add_twist(work.curve, s, phi[states:, states:])
-        self_motion_steps.add_hessian(s, phi, stencil, work.tangent, work.curve.chain, local, half, (A, B, C))
+        add_hessian(kernel.stencil, s, phi, work.tangent, work.curve.chain, local, half, (A, B, C))
     assemble_peaks(kernel, work, A, B, C)
     largest = 0.0
     for i in range(A.shape[0]):
@@ -425,8 +481,10 @@ def assemble(kernel, work, stiffness, A, B, C):
 @implement(steps.expand_step, MotionKernel)
 def expand_step(kernel, work, step, dx):
     """Write the change of q and σ; return q's largest change."""
-    step_peaks(kernel, step, dx)
-    return self_motion_steps.expand_motion_step(step, work.tangent, kernel.first_unknown, dx)
+    samples, n = sample_count(kernel), dx.shape[1]
+    for k in range(len(kernel.peak_inputs)):
+        dx[samples + k // n, k % n] = step[kernel.stencil.unknowns + k]
+    return expand_motion_step(kernel.stencil, step, work.tangent, dx)
 
 
 @implement(steps.directional_derivatives, MotionKernel)
@@ -436,18 +494,15 @@ def directional_derivatives(kernel, work, dx, dF, dc):
     limited, factors = kernel.limited, kernel.factors
     (variables, instants), n, samples = du.shape, dx.shape[1], sample_count(kernel)
     sums = len(work.objective_gradients)
-    self_motion_steps.apply_stencil(dx, kernel.neighbours, kernel.coefficients, du)
+    apply_stencil(kernel.stencil, dx, du)
     curve_states.chain_directions(work.curve, du)
     for total in range(len(dF)):
         k, peak = kernel.totals[total], -1 - kernel.totals[total]
         dF[total] = inner_product(work.objective_gradients[k], dx) if k >= 0 else dx[samples + peak // n, peak % n]
-    for a in range(variables):
-        for s in range(instants):
-            by_row[a, s] = du[a, s]
+    by_row[:variables] = du
     for g in range(len(kernel.row_peaks)):
         peak = kernel.row_peaks[g]
-        for s in range(instants):
-            by_row[variables + g, s] = 0.0 if peak < 0 else dx[samples + peak // n, peak % n]
+        by_row[variables + g] = 0.0 if peak < 0 else dx[samples + peak // n, peak % n]
         for a in range(variables):
             for s in range(instants):
                 by_row[variables + g, s] += gradients[sums + g, a, s] * du[a, s]
@@ -458,28 +513,38 @@ def directional_derivatives(kernel, work, dx, dF, dc):
 @implement(steps.row_width, MotionKernel)
 def row_width(kernel, work):
     """Return the number of unknowns of an instant's neighbours."""
-    return kernel.coefficients.shape[2] * work.tangent.shape[2]
+    return kernel.stencil.coefficients.shape[2] * work.tangent.shape[2]
 
 
 @implement(steps.constraint_rows, MotionKernel)
 def constraint_rows(kernel, work, columns, entries):
     """Write limits' rows by the unknowns; without kinks and peaks only."""
-    write_rows(kernel, work, columns, entries)
+    variables, instants = work.gradient_u.shape
+    limited, gradients, sums = kernel.limited, work.gradients, len(work.objective_gradients)
+    r, width = work.tangent.shape[2], entries.shape[1]
+    local = np.zeros((instants, variables, width))
+    for s in range(instants):
+        local_basis(kernel.stencil, s, work.tangent, work.curve.chain, local[s])
+    for i in range(len(limited)):
+        row, s, factor = limited[i, 0], limited[i, 1], kernel.factors[i]
+        for b in range(width):
+            first = kernel.stencil.first_unknown[kernel.stencil.neighbours[s, b // r]]
+            columns[i, b] = first + b % r if first >= 0 else 0
+            entries[i, b] = factor * local[s, row, b] if row < variables and first >= 0 else 0.0
+        if row >= variables:
+            for a in range(variables):
+                scaled = factor * gradients[sums + row - variables, a, s]
+                if scaled != 0.0:
+                    for b in range(width):
+                        if kernel.stencil.first_unknown[kernel.stencil.neighbours[s, b // r]] >= 0:
+                            entries[i, b] += scaled * local[s, a, b]
 
 
 @implement(steps.retract, MotionKernel)
 def retract(kernel, work, x, dx, length, trial):
-    """Write the motion after a step, retracted onto the path.
-
-    Returns whether the retraction succeeded.
-    """
+    """Write the retracted motion after a step; return whether this succeeded."""
     samples = sample_count(kernel)
-    for s in range(x.shape[0]):
-        for j in range(x.shape[1]):
-            trial[s, j] = x[s, j] + length * dx[s, j]
+    trial[:] = x + length * dx
     if kernel.stops:
-        for j in range(x.shape[1]):
-            trial[samples - 1, j] = trial[samples - 2, j]
-    return self_motion_steps.retract_motion(
-        kernel.track, work.path_inputs, trial, work.normal, work.triangle, work.tracked
-    )
+        trial[samples - 1] = trial[samples - 2]
+    return retract_motion(kernel.track, work.path_inputs, trial, work.normal, work.triangle, work.tracked)

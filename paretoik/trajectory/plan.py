@@ -1,7 +1,4 @@
-"""Plans: all distinct local optima of one objective from many starts.
-
-Source: Tringali & Cocuzza 2020, section 3.1.
-"""
+"""Plans: all distinct local optima of one objective from many starts (Tringali & Cocuzza 2020, section 3.1)."""
 
 from __future__ import annotations
 
@@ -55,9 +52,8 @@ from paretoik.trajectory.levels import (
     refine_levels,
     resample,
 )
-from paretoik.trajectory.plan_starts import initial_motions, sample_starts
-from paretoik.trajectory.restarts import OPTIONS as RESTARTS
-from paretoik.trajectory.restarts import LevelRestarts, first_portions
+from paretoik.trajectory.plan_starts import OPTIONS as STARTS
+from paretoik.trajectory.plan_starts import LevelRestarts, first_portions, initial_motions, sample_starts
 from paretoik.trajectory.tightening import feasible_motions, hold_all
 from paretoik.trajectory.transcription import MotionProgram, motion_program
 
@@ -134,9 +130,7 @@ def find_optima(
     observe: ObserveLevel | None = None,
     rollouts: JointPaths | None = None,
 ) -> Plan:
-    """Return the distinct local optima of a task with one objective.
-
-    They are the optima that many starts lead to.
+    """Return the local optima of one objective that many starts find.
 
     starts: number of starts per degree of redundancy; None for up to 48, fewer if a better optimum becomes unlikely
     seed: seed of random numbers
@@ -228,13 +222,12 @@ def _search(
 ) -> tuple[Solutions, tuple[tuple[int, int], ...], int]:
     """Return the distinct optima, the levels, and the starts' number.
 
-    Levels are pairs of the number of samples and of optima. The first level is the coarsest one that leads to optima.
-    The number of starts includes those of a level that a signal interrupted. Raises Infeasible or SolverFailed if no
-    level leads to optima.
+    Levels are pairs of the number of samples and of optima; the first is the coarsest that leads to optima. The starts
+    include those of a level that a signal interrupted. Raises Infeasible or SolverFailed if no level leads to optima.
     """
     if rollouts is not None:
         require_feasible(task, rollouts, observe)
-    stages, count = first_levels(len(task.times)), RESTARTS.starts if starts is None else starts
+    stages, count = first_levels(len(task.times)), STARTS.starts if starts is None else starts
     for first in stages:
         try:
             level, rng = coarsest_level(task, first), np.random.default_rng(seed)
@@ -274,10 +267,7 @@ def _search(
 
 
 def _merge(task: MotionTask, solutions: Solutions, initial: Solutions) -> Solutions:
-    """Return the distinct optima of both, best first.
-
-    An initial motion comes first if it is better than all.
-    """
+    """Return all distinct optima, or first a better initial motion."""
     natural = motion_program(task)  # each has its own scales of objectives
     both = concatenate((solutions, initial))
     both = replace(both, objectives=np.stack([natural.evaluate(x)[0] for x in both.x]))
@@ -297,9 +287,8 @@ def _plan(
 ) -> Plan:
     """Return the plan of optima, with limits between samples tightened.
 
-    Only limits that the optima exceed between samples are tightened. Optima are sorted, the best first; those that
-    still exceed a limit come last. A given motion that satisfies its limits between samples and is better than all
-    optima comes first.
+    Optima that still exceed a limit come last. A given motion that satisfies its limits between samples and is better
+    than all optima comes first.
     """
     program = motion_program(task, np.maximum(np.abs(task.objectives[0](task.motion(solutions.x[:1]))), 1e-300))
     results, status = hold_all(program, solutions.x, 1, solver), solutions.status
@@ -340,10 +329,7 @@ def _plan(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionColdSearch:
-    """A ``ColdSearch`` for motions.
-
-    It plans each objective, and minimises coarse starts below bounds, level by level.
-    """
+    """A ``ColdSearch`` for motions that plans objectives, and minimises below bounds."""
 
     task: MotionTask
     rollouts: JointPaths
@@ -358,10 +344,7 @@ class MotionColdSearch:
         return self.task.redundancy > 1
 
     def optima(self, objective: int) -> Float[np.ndarray, "optima time dof"]:
-        """Return the local optima of one objective, best first.
-
-        Raises the errors of ``find_optima``.
-        """
+        """Return the local optima of one objective, as ``find_optima`` does."""
         alone = replace(self.task, objectives=(self.task.objectives[objective],))
         names = [each.name for each in self.task.objectives]
         named = replace(self, observe=naming_objective(self.observe, names, objective))
@@ -374,10 +357,7 @@ class MotionColdSearch:
     def optima_below(
         self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float
     ) -> Solutions | None:
-        """Return one objective's optima with others below ``upper``, best first.
-
-        It uses half as many cold starts.
-        """
+        """Return one objective's optima below ``upper``, from half as many starts."""
         assert isinstance(program, MotionProgram)
         weights = np.full(len(upper), weight)
         weights[main] = 1.0
@@ -400,7 +380,7 @@ class MotionColdSearch:
         for first in stages:
             try:
                 return first, initial_motions(
-                    self.task, starts=-(-(self.starts or RESTARTS.starts) // 2), seed=self.seed, first=first
+                    self.task, starts=-(-(self.starts or STARTS.starts) // 2), seed=self.seed, first=first
                 )
             except Infeasible:  # this level may be too coarse
                 if first == stages[-1]:

@@ -1,7 +1,4 @@
-"""Shortest paths through layers of states and their transitions, by dynamic programming.
-
-Source: Bellman 1957.
-"""
+"""Shortest paths through layers of states and their transitions, by dynamic programming (Bellman 1957)."""
 
 from __future__ import annotations
 
@@ -17,23 +14,14 @@ from paretoik.stop_flag import check_interruption
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LayeredGraph:
-    """A layered graph of states and transitions.
+    """A layered graph of states and transitions, sorted by their ends."""
 
-    The transitions of a step are sorted by the state in which they end.
-
-    start: costs of the first states
-    offsets: index (states + 1) of the first transition to each state
-    sources: states in which transitions begin
-    nodes: node of every state
-    before: node before the first layer for every state; only if states are pairs of nodes
-    """
-
-    start: np.ndarray
-    offsets: list[np.ndarray]
-    sources: list[np.ndarray]
+    start: np.ndarray  # costs of the first states
+    offsets: list[np.ndarray]  # index (states + 1) of the first transition to each state
+    sources: list[np.ndarray]  # states in which transitions begin
     costs: list[np.ndarray]
-    nodes: list[np.ndarray]
-    before: np.ndarray | None = None
+    nodes: list[np.ndarray]  # node of every state
+    before: np.ndarray | None = None  # node before the first layer for every state; only if states are pairs of nodes
 
     def forward(self, start: np.ndarray) -> list[np.ndarray]:
         """Return the least cost to every state of every layer."""
@@ -77,10 +65,7 @@ class LayeredGraph:
         return first + [int(nodes[state]) for nodes, state in zip(self.nodes, states, strict=True)]
 
     def prune(self, mask: list[np.ndarray], start: np.ndarray) -> LayeredGraph:
-        """Return the graph with only the transitions of ``mask``.
-
-        ``start`` are new costs of the first states.
-        """
+        """Return the graph with only transitions of ``mask``, and new first costs."""
         ends = [np.repeat(np.arange(len(o) - 1), np.diff(o))[k] for o, k in zip(self.offsets, mask, strict=True)]
         return replace(
             self,
@@ -92,9 +77,7 @@ class LayeredGraph:
 
 
 def shortest_path(layers: LayeredGraph, cyclic: bool, among: np.ndarray | None = None) -> tuple[float, list[int]]:
-    """Return the least cost and its path.
-
-    The path of a cycle is closed; without any path it is empty.
+    """Return the least cost and its path, or an empty one.
 
     Cycles use branch and bound over sets of first states: the shortest path from a set back to this set is a lower
     bound of its cycles.

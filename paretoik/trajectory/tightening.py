@@ -1,7 +1,7 @@
 """Tighten limits by their excess between samples, and solve again.
 
-A program bounds a motion at its instants. Between instants the curve may exceed a limit a little. The limit is then
-lowered there by the excess and a small margin, so that the curve is strictly within its limits.
+A program bounds a motion at its instants. If the curve exceeds a limit a little between instants, the limit is lowered
+there by the excess and a small margin, so that the curve is strictly within its limits.
 """
 
 from __future__ import annotations
@@ -33,27 +33,18 @@ from paretoik.trajectory.transcription import MotionProgram
 
 @dataclass(frozen=True, kw_only=True)
 class TighteningOptions:
-    """Settings of tightening; shares are of a limit's range.
+    """Settings of tightening; shares are of a limit's range."""
 
-    margin: share by which a tightened motion is to stay within its limits
-    rounds: largest number of rounds of tightening
-    largest: largest share by which a limit moves in a round
-    steps: number of steps per interval at which a motion's curve is evaluated
-    shares: shares of a limit's move, tried in order until one leads to a motion
-    weight: weight of all objectives but the first, at a point without weights, as in refinement of fronts
-    least_weight: least weight of an objective, as a share of a point's weights
-    warm: solver settings of the first attempt
-    holding: solver settings of the second attempt, if the first does not converge
-    """
-
-    margin: float = 2.5e-5
-    rounds: int = 5
-    largest: float = 0.4
-    steps: int = 16
-    shares: tuple[float, ...] = (1.0, 0.5, 0.25)
+    margin: float = 2.5e-5  # share by which a tightened motion is to stay within its limits
+    rounds: int = 5  # largest number of rounds of tightening
+    largest: float = 0.4  # largest share by which a limit moves in a round
+    steps: int = 16  # number of steps per interval at which a motion's curve is evaluated
+    shares: tuple[float, ...] = (1.0, 0.5, 0.25)  # shares of a limit's move, tried in order until one leads to a motion
+    # weight of all objectives but the first, at a point without weights, as in refinement of fronts
     weight: float = 0.1
-    least_weight: float = 1e-3
-    warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-6, radius=0.02)
+    least_weight: float = 1e-3  # least weight of an objective, as a share of a point's weights
+    warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-6, radius=0.02)  # solver settings of the first attempt
+    # solver settings of the second attempt, if the first does not converge
     holding: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, penalty=100.0, radius=0.02, iterations=400)
 
 
@@ -62,20 +53,14 @@ OPTIONS = TighteningOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeldMotion:
-    """A motion ``x``, optimal for a program with the ``bounds``.
-
-    ``violation`` is its violation between samples.
-    """
+    """An optimal motion for ``bounds``, and its violation between samples."""
 
     x: Float[np.ndarray, "time dof"]
     bounds: Float[np.ndarray, " limits"]
     violation: float
 
     def program(self, natural: MotionProgram) -> MotionProgram:
-        """Return the program for which the motion is optimal.
-
-        It is the task's program (``natural``) with other bounds.
-        """
+        """Return the task's program (``natural``) for which the motion is optimal."""
         return replace(natural, bounds=self.bounds)
 
 
@@ -89,9 +74,9 @@ def hold_between(
 ) -> HeldMotion:
     """Return an optimal motion with limits satisfied between samples.
 
-    They are satisfied as far as possible in a few rounds. If there are several objectives, all get worse by the same
-    amount (Pascoletti & Serafini 1984). Motions of finite differences, motions that satisfy their limits, and motions
-    that no round improves are returned unchanged.
+    They are satisfied as far as a few rounds can. If there are several objectives, all get worse by the same amount
+    (Pascoletti & Serafini 1984). Motions of finite differences, motions that satisfy their limits, and motions that no
+    round improves are returned unchanged.
     """
     best = _held(program, x)
     if program.task.differences != "spline":
@@ -126,10 +111,9 @@ def hold_all(
     solver: Solver = "auto",
     observe: Callable[[int, int], object] | None = None,
 ) -> list[HeldMotion]:
-    """Return motions as ``hold_between`` does.
+    """Return motions as ``hold_between`` does; after a signal the remaining ones unchanged.
 
-    After a signal the remaining ones are returned unchanged. ``observe`` is called with the number of finished motions
-    and of all motions.
+    ``observe`` is called with the number of finished motions and of all motions.
     """
     results = dict[int, HeldMotion]()
     unseen = partial(HeldMotion, bounds=program.bounds, violation=np.nan)
@@ -167,10 +151,7 @@ def _held(program: MotionProgram, x: np.ndarray) -> HeldMotion:
 
 
 def violation_between(task: MotionTask, x: Float[np.ndarray, "time dof"]) -> float:
-    """Return a motion's worst violation between its samples.
-
-    It is infinite if the motion leaves its path there.
-    """
+    """Return a motion's worst violation between samples, inf off the path."""
     return float(task.violation_between(task.motion(x[None]))[0])
 
 

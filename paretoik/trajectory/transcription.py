@@ -1,7 +1,4 @@
-"""From a task to its nonlinear program.
-
-Functions are traced, kinks reformulated, derivatives compiled, and limits listed.
-"""
+"""From a task to its nonlinear program: functions traced, kinks reformulated, derivatives compiled, limits listed."""
 
 from __future__ import annotations
 
@@ -11,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from paretoik.autodiff.differentiation import dependencies, gradient, hessian, tangents
 from paretoik.autodiff.evaluator import compile_evaluator
@@ -19,14 +15,12 @@ from paretoik.autodiff.kinks import reformulate_choices, reformulate_kinks, rema
 from paretoik.autodiff.operations import Op
 from paretoik.autodiff.tape import Expression, Tape, as_entry
 from paretoik.errors import InvalidInput
-from paretoik.nlp.program import Linearisation
 from paretoik.robot.kinematics import joint_scales
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import row_scales
 from paretoik.task.task import path_equations
 from paretoik.trajectory import motion_kernel as _steps  # noqa: F401  registers the steps of solvers on these arrays
 from paretoik.trajectory.curve_states import curve_arrays, instant_targets
-from paretoik.trajectory.derivatives import linearise
 from paretoik.trajectory.discretisation import stencil
 from paretoik.trajectory.functions import Functions, function_names, trace_functions
 from paretoik.trajectory.kernel_arrays import MotionKernel
@@ -49,16 +43,9 @@ OPTIONS = TranscriptionOptions()
 class MotionProgram(MotionTerms):
     """The nonlinear program of a MotionTask; its fields are those of ``MotionTerms``."""
 
-    def linearise(self, x: Float[np.ndarray, "time dof"]) -> Linearisation:
-        """Return the program to first order at a motion on the path."""
-        return linearise(self, x)
-
     @property
     def kernel(self) -> MotionKernel | None:
-        """The program for interior-point methods; None if only SQP supports it.
-
-        Each call returns new registers: use one kernel per thread.
-        """
+        """The program for interior-point methods; each thread needs its own."""
         return motion_kernel(self) if not self.unsupported else None
 
 
@@ -73,20 +60,18 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
         )
     divisors = np.ones(len(task.objectives)) if scales is None else np.asarray(scales, dtype=float)
     functions = trace_functions(task, 1.0 / divisors)
-    tape, parameters = functions.motion.trace.tape, functions.motion.trace.parameters
-    instants, n = len(task.instants), task.arm.dof
+    tape, instants, n = functions.motion.trace.tape, len(task.instants), task.arm.dof
     # number of orders (position, velocity, acceleration, jerk) that functions and limits need, at least 2; and whether
     # functions need those of the spline
-    task, tape = functions.task, functions.motion.trace.tape
-    n, kinds = task.arm.dof, [*functions.sums, *functions.rows, *functions.epigraph_rows]
-    numbers = [tape.entries[i][1] for i in dependencies(tape, kinds) if tape.entries[i][0] is Op.INPUT]
+    entries = [*functions.sums, *functions.rows, *functions.epigraph_rows]
+    numbers = [tape.entries[i][1] for i in dependencies(tape, entries) if tape.entries[i][0] is Op.INPUT]
     local = [i % (4 * n) // n for i in numbers if i < 8 * n]
     local += [ORDERS.index(kind) for kind in task.bounds if kind in ORDERS]
     wholes = [int(i) // (n * len(task.instants)) for each in functions.whole_functions for i in each.columns]
     orders, kinked = 1 + max([1, *local, *wholes]), any(4 * n <= i < 8 * n for i in numbers)
     evaluators = _evaluators(functions, _path_equations(functions, orders))
     inputs = np.zeros((evaluators.inputs, instants))
-    for i, values in parameters.items():
+    for i, values in functions.motion.trace.parameters.items():
         inputs[tape.entries[i][1]] = values
     ties = len(functions.epigraph_rows) + evaluators.ties
     bounds = functions.bounds + [np.tile([0.0, np.inf, 1.0], (instants, 1))] * ties
@@ -128,10 +113,7 @@ _EVALUATORS: OrderedDict[Any, Evaluators] = OrderedDict()
 
 
 def _evaluators(functions: Functions, path: list[int]) -> Evaluators:
-    """Return the evaluators of functions and path.
-
-    They are recalled if the same functions were traced before.
-    """
+    """Return the evaluators of functions and path, recalled if they are known."""
     tape = functions.motion.trace.tape
     entries = functions.sums, functions.rows, functions.epigraph_rows, functions.epigraph_variables, path
     sides = [tuple(np.isfinite(bounds[:, :2]).any(axis=0)) for bounds in functions.bounds]
@@ -145,20 +127,15 @@ def _evaluators(functions: Functions, path: list[int]) -> Evaluators:
 
 
 def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
-    """Return compiled values, gradients and Hessian.
-
-    They are by position, velocity, acceleration and jerk, v and σ.
-    """
-    tape, n = functions.motion.trace.tape, functions.motion.arm.dof
+    """Return compiled values, gradients and Hessian by u, v and σ."""
+    task, motion, n = functions.task, functions.motion, functions.task.arm.dof
+    tape, rng = motion.trace.tape, np.random.default_rng(0)
     # sums, rows and epigraph rows, with their kinks reformulated
-    tape, rng = functions.motion.trace.tape, np.random.default_rng(0)
     probes = np.zeros((len(tape.inputs), OPTIONS.probes))
-    dof = functions.motion.arm.dof
     for order, deviation in enumerate(OPTIONS.probe_range):
-        size = deviation / functions.motion.duration**order
-        for first in (order * dof, (4 + order) * dof):
-            probes[first : first + dof] = size * rng.normal(size=(dof, OPTIONS.probes))
-    for i, values in functions.motion.trace.parameters.items():
+        for first in (order * n, (4 + order) * n):
+            probes[first : first + n] = deviation / motion.duration**order * rng.normal(size=(n, OPTIONS.probes))
+    for i, values in motion.trace.parameters.items():
         probes[tape.entries[i][1]] = rng.choice(values, OPTIONS.probes)
     sides = [1] * len(functions.sums)
     for bounds in functions.bounds:
@@ -166,13 +143,11 @@ def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
         sides.append(int(high) - int(low))
     sides += [-1] * len(functions.epigraph_rows)
     names = function_names(functions.totals, functions.names, functions.epigraph_peaks)
-    smooth_choices = functions.distances
-    every = [*functions.sums, *functions.rows, *functions.epigraph_rows]
-    reformulation = reformulate_choices(tape, every, names, probes, smooth_choices)
-    smooth = reformulate_kinks(tape, reformulation, sides, probes, smooth_choices)
+    every, distances = [*functions.sums, *functions.rows, *functions.epigraph_rows], functions.distances
+    reformulation = reformulate_choices(tape, every, names, probes, distances)
+    smooth = reformulate_kinks(tape, reformulation, sides, probes, distances)
     entries = [*smooth.functions, *smooth.constraints]
-    kinks = remaining_kinks(tape, smooth, functions.distances)
-    task = functions.task
+    kinks = remaining_kinks(tape, smooth, distances)
     equations, of_curve = path[: task.rows], path if task.differences == "spline" else []
     multipliers = len(tape.inputs) + np.cumsum([0, task.rows + len(of_curve), len(functions.sums)])
     at_samples = _weighted_sum(tape, equations)
@@ -205,19 +180,13 @@ def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
 
 
 def _weighted_sum(tape: Tape, entries: list[int]) -> int:
-    """Return the weighted sum of entries.
-
-    Each weight is a multiplier, a new input.
-    """
+    """Return the sum of entries times multipliers, which are new inputs."""
     factors = [tape.input() for _ in entries]
     return as_entry(tape, sum((m * Expression(tape, f) for m, f in zip(factors, entries, strict=True)), 0.0))
 
 
 def _path_equations(functions: Functions, orders: int) -> list[int]:
-    """Return the path equations of an instant.
-
-    For a spline they include the time derivatives that functions depend on.
-    """
+    """Return an instant's path equations, with a spline's needed time derivatives."""
     motion, task = functions.motion, functions.task
     tape = motion.trace.tape
     parameters: list[list[Any]] = [[motion.trace.parameter(x) for x in part.T] for part in instant_targets(task)]
@@ -238,9 +207,7 @@ def _path_equations(functions: Functions, orders: int) -> list[int]:
 def _limits(
     task: MotionTask, orders: int, unlimited: int, rows: list[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return ``limited``, ``sides``, ``bounds`` and ``ranges`` of a program.
-
-    The limits of rows come last.
+    """Return ``limited``, ``sides``, ``bounds`` and ``ranges``, with rows last.
 
     rows: lower bounds, upper bounds and ranges (instants, 3) of rows
     unlimited: number of variables without limits before the rows
@@ -276,11 +243,8 @@ def _sparsity(places: list[tuple[int, int]]) -> Sparsity:
 
 
 def motion_kernel(program: MotionTerms) -> MotionKernel:
-    """Return a program of sums and peaks as arrays.
-
-    Each thread needs its own arrays: they contain registers.
-    """
-    evaluators, stencil = program.evaluators, program.stencil
+    """Return a program of sums and peaks as arrays, with new registers."""
+    evaluators = program.evaluators
     variables, auxiliary = len(program.variables), len(program.variables) - program.rates
     rows = len(program.rows) + len(program.epigraph_rows)
     row = program.limited[:, 0]
@@ -317,11 +281,7 @@ def motion_kernel(program: MotionTerms) -> MotionKernel:
         track_curvature=evaluators.path_hessian.arrays,
         curve=curve_arrays(program.task),
         kinked=program.rates > program.states,
-        neighbours=stencil.neighbours,
-        coefficients=stencil.coefficients,
-        first_unknown=stencil.first_unknown,
-        unknowns=stencil.unknowns,
-        border=stencil.border,
+        stencil=program.stencil,
         stride=program.task.stride,
         stops=program.task.ties_end,
         ones=np.ones(len(program.task.instants)),

@@ -61,7 +61,7 @@ FAULTS = (
     Fault("capability/actuator_kernels.py", "min(stall / abs(a), back", "max(stall / abs(a), back", "capability"),
     Fault("trajectory/grid_oracle.py", "largest / 8 + 3 / 8", "largest / 80 + 3 / 80", "trajectory"),
     Fault(
-        "trajectory/kink_smoothing.py",
+        "trajectory/motion_kernel.py",
         "(1.0 - dual * argument / length)",
         "(1.0 + dual * argument / length)",
         "trajectory",

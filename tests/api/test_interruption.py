@@ -16,7 +16,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.stop_flag import STOP
-from paretoik.trajectory.restarts import RestartPolicy
+from paretoik.trajectory.plan_starts import RestartPolicy
 from problems import tringali_2020
 
 ROOT = Path(__file__).parents[2]

@@ -9,7 +9,6 @@ import paretoik as pk
 from paretoik.formulations.protocol import require_program
 from paretoik.pareto import certified_front as module
 from paretoik.pareto.certified_front import Certifier, certified_front
-from tests.api.problems import tracking
 
 ANGLE, NEAR, FAR = 0.9, 0.2, 0.4  # rad
 
@@ -110,37 +109,3 @@ def test_weights_are_over_the_ranges_of_the_front_that_is_returned(second):
     merged = pk.compare(searched, swept).merged
     for front in (searched, swept, again, merged):
         check_weights_are_over_the_ranges(front)
-
-
-def test_later_stages_are_measured_on_points_as_they_come(monkeypatch, unchecked):
-    """Two of four points exceed limits: looks at all of them, tightening of half, certificates of all are counted."""
-    clock, problem = [0.0], tracking()
-    monkeypatch.setattr("paretoik.pareto.certified_front.computing_clock", lambda: clock[0])
-
-    class Individuals:
-        def __init__(self, x):
-            clock[0] += 0.01
-            self.x = x
-
-    class Formulation:
-        def individuals(self, x):
-            return Individuals(x)
-
-        def exceeded(self, individuals):
-            return ["velocity" if one[0, 0] > 0 else "" for one in individuals.x]
-
-        def hold_between(self, x, ranges, solver):
-            clock[0] += 3.0
-            return x, [problem.program(ranges)]
-
-    def certify(*_):
-        clock[0] += 0.2
-
-    monkeypatch.setattr(module, "certify_individuals", certify)
-    later = Certifier(formulation=Formulation())
-    for sign in (1.0, -1.0, 2.0, -2.0, -2.0):  # the last one was seen before
-        later.try_point(np.full((21, 3), sign), np.ones(2), seconds=1e6)
-    assert later.per_point() == pytest.approx(0.01 + 3.0 / 2 + 0.2)
-    spent = later.spent
-    later.try_point(np.full((21, 3), 3.0), np.ones(2), seconds=0.1)
-    assert later.spent == spent  # too early

@@ -20,21 +20,6 @@ def test_planned_optima_are_certified_minima(name):
     assert set(certificate.status) == {"minimum"}
 
 
-def test_units_do_not_matter():
-    criticalities = []
-    for factor in (1.0, 1e-6, 1e6):
-        effort = pk.objective(unit="", form="integral")(
-            lambda motion, factor=factor: factor * np.sum(motion.dq**2, axis=-1)
-        )
-        problem = pk.Tracking(
-            pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=[effort], bases=1, differences="backward"
-        )
-        q = problem.decode(np.atleast_2d((problem.xl + problem.xu) / 2)).q
-        criticalities.append(certify_motions(problem.task, q, np.array([factor])).criticality[0])
-    assert criticalities[0] > 1e-3
-    assert criticalities[1:] == pytest.approx(criticalities[:1] * 2, rel=1e-6)
-
-
 def test_a_kink_that_keeps_a_motion_from_being_certified_is_named():
     path, arm = tringali_2020.straight(11), pk.arms.tringali_3r()
     plain = pk.Tracking(arm, path, objectives=[pk.kinetic_energy], bases=1, differences="backward")

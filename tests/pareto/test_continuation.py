@@ -80,28 +80,6 @@ def test_a_branch_that_ends_is_followed_no_further():
     assert 0.0 < PROGRAM.evaluate(way.optimum.x)[0][0] <= wish.start[0]
 
 
-@pytest.mark.parametrize("units", [(1e-6, 1.0), (1e4, 1e-4)])
-def test_units_of_objectives_change_nothing(units):
-    def values(x):
-        return [unit * value for unit, value in zip(units, ellipses(x), strict=True)]
-
-    plain = followed(PROGRAM, 0.7, aim(0.7, 0.1))[1]
-    units = np.array(units)
-    program = sketched(2, values)
-    wish = Aim(
-        wish=Wish(improve=0, payers=(1,), by=0.1),
-        ranges=RANGES * units,
-        start=aim(0.7, 0.1).start * units,
-        weights=aim(0.7, 0.1).weights,
-        objectives=2,
-    )
-    begin = placed(values, ellipses_best(0.7))[0]
-    optimum = guess_optimum(program, begin, wish.at_share(0.0))
-    scaled = follow(program, optimum, wish.at_share)
-    assert scaled.share == plain.share == 1.0
-    assert scaled.optimum.x[:2] == pytest.approx(plain.optimum.x[:2], abs=1e-6)
-
-
 def papers_arm(**limits):
     """Return a program of the papers' arm, its optimum, and the aim to lower energy by a share of a tenth."""
     path = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=11)
@@ -126,9 +104,8 @@ def papers_arm(**limits):
     return program, solutions.x[0], move
 
 
-@pytest.mark.parametrize("limits", [{"velocity": 2.8}])
-def test_objectives_of_a_prediction_err_by_the_fourth_power_of_the_step(limits):
-    program, x, move = papers_arm(**limits)
+def test_objectives_of_a_prediction_err_by_the_fourth_power_of_the_step():
+    program, x, move = papers_arm(velocity=2.8)
     errors = []
     for by in (0.08, 0.04, 0.02):
         begin = guess_optimum(program, x, move(by).at_share(0.0))

@@ -59,19 +59,16 @@ def test_a_sweep_shows_its_levels_and_what_lies_below_them_in_the_objectives_own
         assert np.abs(front[:, bounded] - bound).min() < 0.2
 
 
-def fonseca(size=1.0):
-    def values(x):
+def test_a_front_that_is_bent_in_is_found_whole():
+    """Fonseca & Fleming 1995: both coordinates are equal, between −1/√2 and 1/√2; sums of weights find the ends."""
+    size = 1e3
+
+    def both(x):
         ahead = sum((one - 1 / np.sqrt(2)) ** 2 for one in x)
         behind = sum((one + 1 / np.sqrt(2)) ** 2 for one in x)
         return [size * (1 - np.exp(-ahead)), 1 - np.exp(-behind)]
 
-    return sketched(2, values, lambda x: ([], [*(4 - one for one in x), *(4 + one for one in x)]))
-
-
-@pytest.mark.parametrize("size", [1e3])
-def test_a_front_that_is_bent_in_is_found_whole(size):
-    """Fonseca & Fleming 1995: both coordinates are equal, between −1/√2 and 1/√2; sums of weights find the ends."""
-    program = fonseca(size)
+    program = sketched(2, both, lambda x: ([], [*(4 - one for one in x), *(4 + one for one in x)]))
     begun = np.random.default_rng(1).uniform(-0.9, 0.9, (4, 4))
     z, _ = swept(program, begun, points=11)
     values = z @ program.costs.T / [size, 1.0]

@@ -220,8 +220,3 @@ def test_the_longer_side_of_the_widest_gap_is_cut_first():
     assert [main for main, _ in asked] == [2, 1, 0, 2, 0, 1]
     assert asked[0][1] == pytest.approx([0.55, 0.3, np.inf])
     assert asked[3][1] == pytest.approx([0.05, 0.8, np.inf])
-
-
-@pytest.mark.parametrize(("apart", "points"), [(3e-8, 1), (3e-6, 2)])
-def test_points_are_one_within_the_tolerance_and_two_well_beyond_it(apart, points):
-    assert len(front_rows(np.array([[0.0, 1.0], [apart, 1.0 - apart]]))) == points

@@ -56,11 +56,10 @@ def test_points_go_straight_ahead_as_far_as_that_goes():
     assert gains.min() > 0.01
 
 
-@pytest.mark.parametrize("iterations", [7])
-def test_points_that_a_solver_stops_short_of_are_led_on_to_critical_ones_no_worse(iterations):
+def test_points_that_a_solver_stops_short_of_are_led_on_to_critical_ones_no_worse():
     program, z = scaled(sketched(2, ellipses), (2.0, 25.0)), beside(6, seed=1)
     options, names = refinement.OPTIONS, ("straight", "below", "near", "cold")
-    short = {name: getattr(options, name)._replace(iterations=iterations) for name in names}
+    short = {name: getattr(options, name)._replace(iterations=7) for name in names}
     with patch.object(refinement, "OPTIONS", replace(options, **short)):
         refined_points, good = refinement.refine(program, z, 2)
         with patch.object(refinement, "can_follow", lambda program: False):
@@ -71,9 +70,8 @@ def test_points_that_a_solver_stops_short_of_are_led_on_to_critical_ones_no_wors
     assert (refined_points[:, 2:] <= z[:, 2:] + 1e-8).all()
 
 
-@pytest.mark.parametrize("last", [3])
-def test_later_points_stay_if_observe_returns_true(last):
-    program, ranges, seen, points = sketched(2, ellipses), np.array([2.0, 25.0]), [], []
+def test_later_points_stay_if_observe_returns_true():
+    last, program, ranges, seen, points = 3, sketched(2, ellipses), np.array([2.0, 25.0]), [], []
     z = beside(8, seed=0)
 
     def observe(done, total, point):
@@ -115,10 +113,9 @@ def near_the_front(count, height=0.2):
     return np.concatenate([places, F], axis=1), F
 
 
-@pytest.mark.parametrize("count", [5])
-def test_points_come_nearer_to_the_front_and_its_ends_move_out(count):
-    x, F = near_the_front(count)
-    suggested, iterations = suggest_points(program(), x, F, ["one"] * count)
+def test_points_come_nearer_to_the_front_and_its_ends_move_out():
+    x, F = near_the_front(5)
+    suggested, iterations = suggest_points(program(), x, F, ["one"] * 5)
     values = np.stack([(suggested[:, :2] ** 2).sum(axis=1), ((suggested[:, :2] - [1, 0]) ** 2).sum(axis=1)], axis=1)
     assert len(values) >= 3
     assert (values.min(axis=0) < 0.5 * F.min(axis=0)).all()

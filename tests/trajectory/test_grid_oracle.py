@@ -15,7 +15,6 @@ from paretoik.robot.arms import tringali_3r
 from paretoik.task.obstacles import Circle
 from paretoik.task.random_starts import rollout_starts, sample_postures
 from paretoik.trajectory import grid_oracle as module
-from paretoik.trajectory import posture_grid as grid_terms
 from paretoik.trajectory.grid_oracle import grid_oracle
 from tests.formulations.problems import panda
 from tests.task.tasks import task
@@ -215,7 +214,7 @@ def test_what_is_not_supported_is_refused_by_name(changed, said):
 
 
 def test_a_grid_too_large_for_memory_is_refused(monkeypatch):
-    monkeypatch.setattr(grid_terms, "OPTIONS", replace(grid_terms.OPTIONS, transitions=1000))
+    monkeypatch.setattr(module, "OPTIONS", replace(module.OPTIONS, transitions=1000))
     with pytest.raises(InvalidInput, match="make it coarser"):
         grid_oracle(task_of(short()), resolution=0.01)
 

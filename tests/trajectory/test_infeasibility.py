@@ -174,8 +174,7 @@ def test_a_posture_is_proved_impossible_if_and_only_if_closed_form_postures_brea
     assert 2 < sum(verdicts) < len(verdicts) - 2
 
 
-@pytest.mark.parametrize("differences", ["spline"])
-def test_speeds_are_proved_impossible_only_if_linear_programs_of_all_postures_say_so(differences):
+def test_speeds_are_proved_impossible_only_if_linear_programs_of_all_postures_say_so():
     arm, path = pk.arms.tringali_3r(), tringali_2020.straight(101)
     sample = 50
     velocity = path.rates(path.times[[sample]]).velocity[0]
@@ -184,9 +183,7 @@ def test_speeds_are_proved_impossible_only_if_linear_programs_of_all_postures_sa
     proved = []
     for share in (0.5, 0.8, 1.02):
         limits = pk.Limits(velocity=share * needed)
-        task = pk.Tracking(
-            arm, path, objectives=[pk.kinetic_energy], limits=limits, bases=1, differences=differences
-        ).task
+        task = pk.Tracking(arm, path, objectives=[pk.kinetic_energy], limits=limits, bases=1).task
         proved.append(no_posture_keeps_limits(task, sample))
     assert proved == [True, True, False]
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.nlp.minimise import minimise
 from paretoik.trajectory.motion_terms import joint_distance
-from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
 from tests.pareto.motions import certify_motions
 
@@ -142,18 +140,3 @@ def test_with_twice_as_many_samples_the_motion_chosen_is_nearer_than_any_other_p
     apart = joint_distance(task, one, np.asarray(fine.motions.q))
     assert apart.argmin() == chosen.index
     assert apart.min() < 0.3 * np.sort(apart)[1]
-
-
-@pytest.mark.parametrize("point", [1, 3])
-def test_exchange_rates_are_the_slopes_between_neighbouring_epsilon_solves(point, plain):
-    front = plain[tool_detour]
-    ranges = np.ptp(front.minimised, axis=0)
-    program = motion_program(front.problem.task, ranges)
-    caps = np.full((2, 2), np.inf)
-    caps[:, 0] = front.minimised[point, 0] / ranges[0] + 1e-4 * np.array([-1.0, 1.0])
-    near = minimise(program, np.repeat(front.motions.q[[point]], 2, axis=0), np.array([[0.0, 1.0]]), caps)
-    assert near.converged.all()
-    low, high = near.objectives * ranges
-    slope = (high[1] - low[1]) / (high[0] - low[0])
-    assert front.certificates.exchange_rates[point, 0, 1] == pytest.approx(slope, rel=1e-4)
-    assert front.certificates.exchange_rates[point, 1, 0] == pytest.approx(1 / slope, rel=1e-4)

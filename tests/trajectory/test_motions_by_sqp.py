@@ -10,7 +10,6 @@ from paretoik.nlp import minimise as batches
 from paretoik.nlp.minimise import minimise_violation
 from paretoik.nlp.program import Goal, InteriorPointOptions
 from paretoik.nlp.sqp import SqpOptions, minimise
-from paretoik.trajectory.derivatives import linearise
 from paretoik.trajectory.plan import find_optima
 from paretoik.trajectory.plan_starts import initial_motions
 from paretoik.trajectory.transcription import motion_program
@@ -90,7 +89,7 @@ def test_an_optimum_of_a_function_with_kinks_or_memory_is_critical_and_nothing_n
 def nearby(task, q, count):
     """Return motions on the path near one, by smooth steps of the self-motion of many sizes."""
     rng = np.random.default_rng(0)
-    at = linearise(motion_program(task), q)
+    at = motion_program(task).linearise(q)
     for _ in range(count):
         waves = np.cumsum(rng.normal(size=at.unknowns)) / at.unknowns
         step = np.pad(10 ** rng.uniform(-6, -1) * waves, (0, at.gradients.shape[1] - at.unknowns))
@@ -105,7 +104,7 @@ def nearby(task, q, count):
 def test_values_are_the_motions_and_slopes_those_of_differences(objectives):
     task = problem_of(*objectives).task
     program, q = motion_program(task), initial_motions(task, starts=3, seed=2)[1]
-    at, step = linearise(program, q), 1e-8
+    at, step = program.linearise(q), 1e-8
     assert at.objectives == pytest.approx([float(o(task.motion(q))) for o in objectives], rel=1e-12)
     rng = np.random.default_rng(1)
     for _ in range(5):

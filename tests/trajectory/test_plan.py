@@ -155,23 +155,6 @@ def test_a_given_start_stays_and_given_motions_are_starts():
     assert any(optimum.objective == pytest.approx(free.objective, rel=1e-9) for optimum in planned.optima)
 
 
-def test_a_users_own_objective_is_planned_for_and_units_do_not_matter():
-    @pk.objective(unit="rad²/s", form="integral")
-    def effort(motion):
-        return np.linalg.norm(motion.dq, axis=-1) ** 2
-
-    @pk.objective(unit="", form="integral")
-    def million(motion):
-        return 1e6 * np.linalg.norm(motion.dq, axis=-1) ** 2
-
-    planned = [
-        pk.plan(pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=[o], differences="backward"))
-        for o in (effort, million)
-    ]
-    assert planned[1].best.objective == pytest.approx(1e6 * planned[0].best.objective, rel=1e-9)
-    assert len(planned[0].optima) == len(planned[1].optima)
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [({"starts": 0}, "starts"), ({"problem": tringali_2020.energy_torque}, "kinetic_energy, torque_norm")],

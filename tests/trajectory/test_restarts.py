@@ -10,8 +10,7 @@ import pytest
 import paretoik as pk
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import CONVERGED, VIOLATED, Solutions
-from paretoik.trajectory import restarts
-from paretoik.trajectory import restarts as basin_hopping
+from paretoik.trajectory import plan_starts
 from paretoik.trajectory.levels import OPTIONS as LEVELS
 from paretoik.trajectory.levels import coarsest_level, objective_scales
 from paretoik.trajectory.motion_terms import joint_distance
@@ -36,7 +35,7 @@ def ends(q, values, converged=True):
 
 def policy_of(q, level):
     """Return the policy of a plan whose grid was tried."""
-    policy = restarts.RestartPolicy(level, q, 24, np.random.default_rng(0))
+    policy = plan_starts.RestartPolicy(level, q, 24, np.random.default_rng(0))
     policy.grid_tried = True
     return policy
 
@@ -51,8 +50,8 @@ def test_restarts_find_better_valleys_where_redundancy_is_more_than_one(monkeypa
     path = pk.line([1.0, 0.2], [-0.2, 0.5], duration=1.0, samples=26)
     problem = pk.Tracking(arm, path, objectives=[pk.torque_norm])
     with_restarts = [pk.plan(problem, seed=seed, starts=2).best.objective for seed in range(4)]
-    monkeypatch.setattr(restarts, "OPTIONS", replace(restarts.OPTIONS, rounds=0))
-    monkeypatch.setattr(basin_hopping, "OPTIONS", replace(basin_hopping.OPTIONS, final_rounds=0))
+    monkeypatch.setattr(plan_starts, "OPTIONS", replace(plan_starts.OPTIONS, rounds=0))
+    monkeypatch.setattr(plan_starts, "OPTIONS", replace(plan_starts.OPTIONS, final_rounds=0))
     without = [pk.plan(problem, seed=seed, starts=2).best.objective for seed in range(4)]
     assert all(one <= other * (1 + 1e-6) for one, other in zip(with_restarts, without, strict=True))
     assert any(one < 0.99 * other for one, other in zip(with_restarts, without, strict=True))
@@ -70,9 +69,9 @@ def test_restarts_end_where_every_optimum_was_reached_again_and_go_on_where_each
 
 def test_starts_wait_while_a_better_optimum_is_likely_unseen_and_no_longer():
     level = coarsest_level(tringali_2020.simulation_1().task)
-    portions = restarts.first_portions(starts_on(level, 48))
+    portions = plan_starts.first_portions(starts_on(level, 48))
     assert [len(each) for each in portions] == [12] * 4
-    policy = restarts.RestartPolicy(level, portions[0], 24, np.random.default_rng(0), portions[1:])
+    policy = plan_starts.RestartPolicy(level, portions[0], 24, np.random.default_rng(0), portions[1:])
     policy.grid_tried = True
     few = ends(portions[0], np.arange(12.0) % 4)  # far apart: optima each
     more, barriers = policy(few)
@@ -99,7 +98,7 @@ def test_starts_are_sampled_on_the_next_level_where_the_first_misleads_and_there
     q, finer = starts_on(level, 12), motion_program(task, np.ones(1))
     coarse, fine = ends(q, np.arange(1.0, 13)), starts_on(task, 3)
     for best, misled in ((1.3, False), (1.35, True)):
-        level_restarts = restarts.LevelRestarts([], 24, np.random.default_rng(0), "auto")
+        level_restarts = plan_starts.LevelRestarts([], 24, np.random.default_rng(0), "auto")
         assert level_restarts.further(motion_program(level, np.ones(1)), q, None) is not None
         further = level_restarts.further(finer, fine, coarse)
         more, barriers = further(ends(fine, [best, 2.0, 3.0]))
@@ -124,7 +123,7 @@ def test_perturbing_the_best_loses_no_optimum_and_leads_to_better_ones():
     ends = minimise(program, q, np.ones((1, 1)), options=LEVELS.cold[2])
     order = np.argsort(np.where(ends.converged, ends.objectives[:, 0], -np.inf))
     few = ends[order[:-3:-1][::-1]]  # the worst two
-    more = basin_hopping.disturb_best(program, few, np.random.default_rng(1))
+    more = plan_starts.disturb_best(program, few, np.random.default_rng(1))
     assert more.converged.all()
     assert (np.diff(more.objectives[:, 0]) >= 0).all()
     assert more.objectives[0, 0] < few.objectives[0, 0] * (1 - 1e-3)

@@ -14,8 +14,7 @@ from paretoik.nlp.program import Solutions
 from paretoik.pareto.sweep import OPTIONS as EPSILON
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract_nearest
-from paretoik.trajectory.derivatives import MotionLinearisation, linearise
-from paretoik.trajectory.motion_terms import joint_distance
+from paretoik.trajectory.motion_terms import MotionLinearisation, joint_distance
 from paretoik.trajectory.tightening import violation_between
 from studies.benchmarks.certified.cases import HOLDS, Subject, goal_row
 from studies.benchmarks.peers.solvers import COLD, WARM
@@ -103,7 +102,7 @@ def perturbation_rows(subject: Subject, *, steps: int, seed: int) -> list[Row]:
 
 def perturbations(subject: Subject, point: int, steps: int, rng: np.random.Generator) -> list[Attempt]:
     """Return the gains of random smooth steps; every other one changes no objective to first order."""
-    at = linearise(subject.program, subject.q[point])
+    at = subject.program.linearise(subject.q[point])
     tries = []
     for k in range(steps):
         size, level = SIZES[k % len(SIZES)], bool(k // len(SIZES) % 2)

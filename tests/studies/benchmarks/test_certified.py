@@ -12,7 +12,6 @@ import pytest
 
 import paretoik as pk
 from paretoik.task.motion_task import SAMPLES
-from paretoik.trajectory.derivatives import linearise
 from problems import tringali_2020
 from studies.benchmarks.certified import __main__ as study
 from studies.benchmarks.certified.attacks import (
@@ -79,7 +78,7 @@ def honest(subject, middle):
 @pytest.fixture(scope="module")
 def spoiled(subject, middle):
     """Return the same point, moved along the self-motion by a hundredth of a radian."""
-    at = linearise(subject.program, subject.q[middle])
+    at = subject.program.linearise(subject.q[middle])
     steps = within(at, random_step(at, 1e-2, np.random.default_rng(1)), level=False)
     assert steps is not None
     return point_of(subject, steps)
