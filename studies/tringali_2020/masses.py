@@ -1,9 +1,8 @@
 """Masses that reproduce the paper's energies and torques: ``python -m studies.tringali_2020.masses [--json FILE]``.
 
-With the masses of Table 1 energies come out 27 % low, while lengths and speeds agree. The three masses are fitted, in
-least squares of relative errors, to the numbers whose motion is determined: minimised ones, and those of the motion of
-least energy. ``pk.arms.tringali_3r("fitted")`` has masses of an earlier fit to fewer numbers; the errors of both are
-next to each other. Both are inferences, not in the paper.
+The three masses are fitted, in least squares of relative errors, to the numbers whose motion is determined: minimised
+ones, and those of the motion of least energy. ``pk.arms.tringali_3r("fitted")`` has masses of an earlier fit to fewer
+numbers. Both are inferences, not in the paper.
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
 """The paper's search: 66 first postures, n² candidates of each, ranked, the best refined from level to level.
 
-The library's own starts are fewer and others: ``paretoik/trajectory/plan_starts.py``. The paper does not say from which
-posture the 66 are made, nor the size of the random velocities; ``SearchOptions`` has our choice. Candidates are
-retracted onto the path; on the circle their drift is removed evenly. The minimiser is the library's interior point,
-with exact derivatives, instead of Matlab's SQP with differences: the study compares which starts are taken.
-
-Source: Tringali & Cocuzza 2020, sections 3.1.2 to 3.2.
+Candidates are retracted onto the path; on the circle their drift is removed evenly. The minimiser is the library's
+interior point, with exact derivatives, instead of Matlab's SQP: the study compares which starts are taken. Source:
+Tringali & Cocuzza 2020, sections 3.1.2 to 3.2.
 """
 
 from __future__ import annotations

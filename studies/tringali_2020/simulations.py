@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -73,17 +74,12 @@ def with_arm(
     if isinstance(masses, str):
         masses = pk.arms.tringali_3r(masses="fitted" if masses == "fitted" else "printed")
     task = problem.task if samples is None else problem.task.resample(samples)
-    limits = {kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()}
+    limits: dict[str, Any] = {kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()}
     return pk.Tracking(
         masses,
         path or task.tasks,
         objectives=task.objectives,
-        limits=pk.Limits(
-            position=limits.get("position"),
-            velocity=limits.get("velocity"),
-            torque=limits.get("torque"),
-            power=limits.get("power"),
-        ),
+        limits=pk.Limits(**limits),
         cyclic=task.cyclic,
         coefficients=4,  # the least: plans and ε-constraints use no genes
         bases=1,

@@ -16,12 +16,7 @@ from paretoik.resolution.horizon import quartic_spline
 from problems import tringali_2021
 from studies.reporting import Row
 from studies.tringali_2021 import __main__ as study
-from studies.tringali_2021.readings import (
-    READINGS,
-    Reading,
-    reading_row,
-    slsqp,
-)
+from studies.tringali_2021.readings import READINGS, Reading, reading_row, slsqp
 from studies.tringali_2021.splines import thrice_continuous
 from studies.tringali_2021.trajectories import (
     NUMBERS,

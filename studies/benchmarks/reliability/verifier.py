@@ -352,22 +352,23 @@ def verifier_rows(folder: Path, kinds: Sequence[str] = tuple(KINDS)) -> Iterator
         problem, subject = make_run(kind, place / "good")
         alarms = [f"{row.subject}: {row.detail}" for row in pk.verify(place / "good", subject, observe=False).failures]
         yield Row("verifier", kind, "false alarms", "", len(alarms), reference=0, source="goal", note="; ".join(alarms))
-        wrong = list[tuple[str, Path, Any, str]]()
-        for name, (where, change, failing) in FAULTS.items():
-            if where == kind:
-                wrong.append((name, edit(place / "good", place / str(len(wrong)), change), subject, failing))
+        planted = [
+            (name, edit(place / "good", place / name, change), subject, failing)
+            for name, (where, change, failing) in FAULTS.items()
+            if where == kind
+        ]
         for name, (where, stricter, failing) in FORGERIES.items():
             if where == kind:
                 other = stricter(pk.load_front(place / "good", problem))
-                wrong.append((name, forge(place / "good", place / str(len(wrong)), other), other, failing))
+                planted.append((name, forge(place / "good", place / name, other), other, failing))
         missed = [
             name
-            for name, run, other, failing in wrong
+            for name, run, other, failing in planted
             if failing not in {row.subject for row in pk.verify(run, other, observe=False).failures}
         ]
-        total, found = total + len(wrong), len(wrong) - len(missed)
+        total, found = total + len(planted), len(planted) - len(missed)
         caught += found
-        if wrong:
+        if planted:
             note = f"missed: {', '.join(missed)}" if missed else ""
-            yield Row("verifier", kind, "faults caught", "", found, reference=len(wrong), source="planted", note=note)
+            yield Row("verifier", kind, "faults caught", "", found, reference=len(planted), source="planted", note=note)
     yield Row("verifier", "all", "faults caught", "", caught, reference=total, source="planted")

@@ -26,7 +26,7 @@ from studies.benchmarks.certified.attacks import (
 )
 from studies.benchmarks.certified.cases import Case, recomputed_difference, subject_of
 from studies.benchmarks.peers import solvers
-from studies.benchmarks.peers.splines import spline_program
+from studies.benchmarks.peers.programs import spline_program
 from studies.reporting import LOSS
 from tests.pareto.motions import certify_motions
 

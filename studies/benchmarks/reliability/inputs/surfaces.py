@@ -15,8 +15,7 @@ import sys
 import types
 import typing
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -59,8 +58,7 @@ RESULTS = frozenset(
 """Classes that functions of the library make and return; the functions check their arguments."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Argument:
+class Argument(NamedTuple):
     """An argument by name and the kinds of values that it takes; ``star`` says that it can come in any number.
 
     Users do not write its name if it ``is_unnamed``.
@@ -73,8 +71,7 @@ class Argument:
     is_unnamed: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
-class Surface:
+class Surface(NamedTuple):
     """A callable that users call, by its public name; a method has an ``owner``."""
 
     name: str
@@ -141,7 +138,7 @@ def _surface(
     if method == "evaluate":
         arguments = arguments[:1]  # the others are pymoo's
     if arguments:
-        yield Surface(name=name, owner=owner, method=method, function=function, arguments=arguments)
+        yield Surface(name, owner, method, function, arguments)
 
 
 def _argument(parameter: inspect.Parameter, scope: dict[str, Any]) -> Argument:
