@@ -81,7 +81,7 @@ def goal_row(
 ) -> Row:
     """Return a row with its goal, the most (or the ``least``) that it may be; otherwise, and for NaN, it is lost."""
     is_met = ours >= goal if least else ours <= goal
-    note = ("" if is_met else LOSS) + (note or ("" if is_met else "goal"))
+    note = ("" if is_met else LOSS) + (note or "goal")
     return Row(table, row, column, unit, float(ours), reference=float(goal), source="goal", note=note)
 
 

@@ -340,25 +340,19 @@ def race(case: Case, *, seeds: int) -> Race:
     """Return the race of one problem. FATROP's form has neither peaks nor cycles."""
     problem = case.problem()
     pk.plan(problem, starts=1)  # compiles
-    ours = our_tries(problem, seeds)
+    ours = Tries()
+    for seed in range(seeds):
+        start = time.process_time()
+        try:
+            ours.values.append(pk.plan(problem, seed=seed).best.objective)
+        except ParetoikError:
+            ours.values.append(np.inf)
+        ours.seconds.append(time.process_time() - start)
     budget = sum(ours.seconds)
     peers = {"IPOPT": peer_tries(joint_program(problem.task), problem.task, budget, case.seed)}
     if not case.cyclic and case.objective.form != "peak":
         peers["FATROP"] = peer_tries(staged_program(problem.task), problem.task, budget, case.seed)
     return Race(case=case, redundancy=problem.task.redundancy, ours=ours, peers=peers)
-
-
-def our_tries(problem: pk.Tracking, seeds: int) -> Tries:
-    """Return the results of plans at default settings, one per seed."""
-    tries = Tries()
-    for seed in range(seeds):
-        start = time.process_time()
-        try:
-            tries.values.append(pk.plan(problem, seed=seed).best.objective)
-        except ParetoikError:
-            tries.values.append(np.inf)
-        tries.seconds.append(time.process_time() - start)
-    return tries
 
 
 def peer_tries(peer: Peer, task: MotionTask, budget: float, seed: int) -> Tries:

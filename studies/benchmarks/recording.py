@@ -144,23 +144,6 @@ def run(generations: int, *, records: bool) -> Cost:
         return Cost(**json.loads(printed.splitlines()[-1]))
 
 
-def recording_rows(generations: int, pairs: Sequence[tuple[Cost, Cost]]) -> list[Row]:
-    """Return the rows of runs without and with a recording, those that miss their goal first."""
-    place = "recording", f"{generations} generations of 200 × 4"
-    without, recorded = zip(*pairs, strict=True)
-    calm, busy = min(each.clock for each in without), min(each.clock for each in recorded)
-    share = 100 * max(each.recording / each.processor for each in recorded)
-    largest = max(max(each.size, each.longest) for each in recorded) / MEGABYTE
-    note = f"best of {len(pairs)}; ratios {', '.join(f'{other.clock / one.clock:.3f}' for one, other in pairs)}"
-    at_end = f"{recorded[0].size / MEGABYTE:.3g} MB at the end"
-    goals = [
-        goal_row(*place, "share of the run's processor time", "%", share, GOALS["overhead"]),
-        goal_row(*place, "file at its largest", "MB", largest, GOALS["size"], at_end),
-    ]
-    time = Row(*place, "time with a recording", "s", busy, reference=calm, source="without", note=note)
-    return [*losses_first(goals), time]
-
-
 LONG_RUN = """
 import sys
 import paretoik as pk
@@ -209,7 +192,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
             order = (False, True) if turn % 2 == 0 else (True, False)
             costs = {records: run(generations, records=records) for records in order}
             pairs.append((costs[False], costs[True]))
-        rows += recording_rows(generations, pairs)
+        # The rows of runs without and with a recording, those that miss their goal first
+        place = "recording", f"{generations} generations of 200 × 4"
+        without, recorded = zip(*pairs, strict=True)
+        calm, busy = min(each.clock for each in without), min(each.clock for each in recorded)
+        share = 100 * max(each.recording / each.processor for each in recorded)
+        largest = max(max(each.size, each.longest) for each in recorded) / MEGABYTE
+        note = f"best of {len(pairs)}; ratios {', '.join(f'{other.clock / one.clock:.3f}' for one, other in pairs)}"
+        at_end = f"{recorded[0].size / MEGABYTE:.3g} MB at the end"
+        goals = [
+            goal_row(*place, "share of the run's processor time", "%", share, GOALS["overhead"]),
+            goal_row(*place, "file at its largest", "MB", largest, GOALS["size"], at_end),
+        ]
+        time = Row(*place, "time with a recording", "s", busy, reference=calm, source="without", note=note)
+        rows += [*losses_first(goals), time]
     report(rows, json_file=options.json)
 
 

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -54,8 +55,7 @@ class SearchOptions:
 OPTIONS = SearchOptions()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PublishedSearch:
+class PublishedSearch(NamedTuple):
     """The optima from the best ``bends`` of ``candidates`` with a ``penalty``, and the seconds."""
 
     penalty: float

@@ -11,7 +11,7 @@ from itertools import product
 from studies.processes import processes, run_each
 from studies.reporting import report, study_parser, tell
 from studies.tringali_2021.pictures import draw
-from studies.tringali_2021.readings import READINGS, circle_row, named_reading_row
+from studies.tringali_2021.readings import READINGS, circle_row, reading_row
 from studies.tringali_2021.real_time import real_time_rows
 from studies.tringali_2021.splines import AHEAD, spline_rows
 from studies.tringali_2021.trajectories import (
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         tell("other readings" if quick else "other readings, and a bound on all motions along trajectory 4")
         single = {} if quick else {("bound", "trajectory 4"): partial(lower_bound_row, 4, "fitted")}
         for each in QUICK_READINGS if quick else READINGS:
-            single["reading", each.name] = partial(named_reading_row, each.name, "fitted")
+            single["reading", each.name] = partial(reading_row, each.name, "fitted")
         rows += run_each(executor, single).values()
         tell("splines through more samples ahead")
         rows += spline_rows("fitted", ahead=AHEAD[:1] if quick else AHEAD, executor=executor)

@@ -17,7 +17,7 @@ from paretoik.runs.distribution import Executor
 from problems import wan_2018
 from studies.processes import run_each
 from studies.reporting import Row, tell
-from studies.significance import SIGNIFICANCE, SampleComparison, compare_samples, holm
+from studies.significance import LEVEL, SampleComparison, compare_samples, holm
 
 Fronts = Mapping[str, Sequence[np.ndarray]]  # of each seed, by family
 FAMILIES = {"weighted": wan_2018.weighted_gains, "plain": wan_2018.plain_gains}
@@ -65,7 +65,7 @@ def comparison_rows(
 
 def _verdict(comparison: SampleComparison, p: float) -> str:
     """Return the winner; `p` is that of the difference, corrected for all tests."""
-    winner = "undecided" if p > SIGNIFICANCE.level else "WGPM wins" if comparison.a12 > 0.5 else "LOSS, GPM wins"
+    winner = "undecided" if p > LEVEL else "WGPM wins" if comparison.a12 > 0.5 else "LOSS, GPM wins"
     ratio = f"ratio of medians {comparison.ratio_low:.3f} to {comparison.ratio_high:.3f}"
     return f"{winner}, p {p:.1e} (Holm), A12 {comparison.a12:.2f}, {ratio}"
 

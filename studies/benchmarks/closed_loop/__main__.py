@@ -43,18 +43,13 @@ def loop_of(links: Links, *, blocked: bool = False, as_printed: bool = True) -> 
     Steps are of any length if ``as_printed``; otherwise they are bounded and clear of obstacles all the way.
     """
     loop = marcos_2012.loop(links, 0.7, start=None, steps=400, as_printed=True)
-    start = start_on_circle(loop)
-    return marcos_2012.loop(links, 0.7, start=start, steps=400, as_printed=as_printed, blocked=blocked)
-
-
-def start_on_circle(loop: ClosedLoop) -> np.ndarray:
-    """Return joint positions with the tool at the circle's beginning, by Newton's method from a bent arm."""
+    # Joint positions with the tool at the circle's beginning, by Newton's method from a bent arm
     q = np.linspace(0.3, 1.0, loop.task.arm.dof)
     for _ in range(50):
         error, jacobian = loop.changed(start=q).step_state(1).linearise()
         error -= loop.task.targets[1] - loop.task.targets[0]
         q = q + np.linalg.pinv(jacobian) @ error
-    return q
+    return marcos_2012.loop(links, 0.7, start=q, steps=400, as_printed=as_printed, blocked=blocked)
 
 
 class CompiledStep:

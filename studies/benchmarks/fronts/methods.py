@@ -282,35 +282,30 @@ def _search(search: Search, account: Account, *, refine: bool) -> Run:
     members = members[spread(members.F)]
     q = search.problem.decode(members.X).q
     if refine:
-        q = refine_within(search.problem, q, members.F, account)
+        # The first motions are refined as ``pk.refine`` does while the budget lasts. Results beyond it are thrown away:
+        # of counted iterations the points past it, of seconds the whole batch.
+        F = members.F
+        task, count = search.problem.task, search.problem.n_obj
+        wide = np.ptp(F, axis=0)
+        ranges = np.where(wide > 0, wide, np.maximum(np.abs(F).max(axis=0), 1.0))
+        program = motion_program(task, ranges)
+        factors = np.zeros((1, len(program.totals)))
+        factors[0, :count] = [1.0, *[REFINE.weight] * (count - 1)]
+        caps = np.full((len(q), len(program.totals)), np.inf)
+        caps[:, 1:count] = F[:, 1:] / ranges[1:]
+        made, counted = q.copy(), account.budget.kind == "evaluations"
+        for rows in np.array_split(np.arange(len(q)), -(-len(q) // AT_ONCE)):
+            before, remaining = account.spent, account.left
+            solutions = minimise(program, q[rows], factors, caps[rows], REFINE.below)
+            total = np.cumsum(solutions.iterations)
+            paid = total <= remaining if counted else np.full(len(rows), account.left >= 0)
+            account.iterations += int(solutions.iterations[paid].sum()) if counted else int(total[-1])
+            good = solutions.converged & paid
+            made[rows[good]] = solutions.x[good]
+            if not paid.all() or (not counted and account.left < account.spent - before):  # the next would not fit
+                break
+        q = made
     return verify(search.problem, q, account)
-
-
-def refine_within(problem: pk.Tracking, q: np.ndarray, F: Objectives, account: Account) -> np.ndarray:
-    """Return motions, the first ones refined as ``pk.refine`` does while the budget lasts.
-
-    Results beyond the budget are thrown away: of counted iterations the points past it, of seconds the whole batch.
-    """
-    task, count = problem.task, problem.n_obj
-    wide = np.ptp(F, axis=0)
-    ranges = np.where(wide > 0, wide, np.maximum(np.abs(F).max(axis=0), 1.0))
-    program = motion_program(task, ranges)
-    factors = np.zeros((1, len(program.totals)))
-    factors[0, :count] = [1.0, *[REFINE.weight] * (count - 1)]
-    caps = np.full((len(q), len(program.totals)), np.inf)
-    caps[:, 1:count] = F[:, 1:] / ranges[1:]
-    made, counted = q.copy(), account.budget.kind == "evaluations"
-    for rows in np.array_split(np.arange(len(q)), -(-len(q) // AT_ONCE)):
-        before, remaining = account.spent, account.left
-        solutions = minimise(program, q[rows], factors, caps[rows], REFINE.below)
-        total = np.cumsum(solutions.iterations)
-        paid = total <= remaining if counted else np.full(len(rows), account.left >= 0)
-        account.iterations += int(solutions.iterations[paid].sum()) if counted else int(total[-1])
-        good = solutions.converged & paid
-        made[rows[good]] = solutions.x[good]
-        if not paid.all() or (not counted and account.left < account.spent - before):  # the next would not fit
-            break
-    return made
 
 
 class RecordingProblem:

@@ -17,11 +17,11 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,18 +33,38 @@ from paretoik.runs.distribution import Function, distribute, distributing, pickl
 from problems import tringali_2020
 from problems.panda import panda
 from studies.benchmarks.scaling.local_cluster import LocalCluster, local_cluster
-from studies.reporting import Row, report, study_parser, tell
+from studies.reporting import Row, goal_row, report, study_parser, tell
+
+WORKERS = 2
+EACH_ITEM = replace(CLUSTER, portion=0.0, overhead=0.0)  # every item is a task
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScalingOptions:
+    """Amounts: ``seeds`` of ``generations`` each, a plan of ``starts`` along ``samples``, ``empty`` tasks.
+
+    Waiting is fitted to two runs, ``fitted`` numbers of tasks that ``sleep`` [s], and predicted for ``crowds`` of
+    workers, each with ``rounds`` of tasks.
+    """
+
+    seeds: int = 64
+    generations: int = 100
+    starts: int = 512
+    samples: int = 51
+    empty: int = 2000
+    sleep: float = 0.25
+    fitted: tuple[int, int] = (8, 48)
+    crowds: tuple[int, ...] = (8, 12, 16)
+    rounds: int = 30
+
+
+QUICK = ScalingOptions(seeds=4, generations=30, starts=16, samples=26, empty=200, fitted=(4, 16), crowds=(4,), rounds=8)
 
 
 def search(generations: int, seed: int) -> Objectives:
     """Return the objectives of the front that a search of a planar arm finds."""
     problem = tringali_2020.energy_torque()
     return pk.solve(problem, population=100, generations=generations, seed=seed, stagnation=False).objectives
-
-
-def load() -> None:
-    """Load everything that a worker needs for any task."""
-    import paretoik.runs.cluster  # noqa: F401
 
 
 def sleep(shared: None, seconds: float) -> None:
@@ -58,12 +78,11 @@ def panda_by_position(samples: int) -> pk.Tracking:
     return pk.Tracking(panda(), path, objectives=[pk.kinetic_energy])
 
 
-@dataclass(kw_only=True)
-class Spent:
+class Spent(NamedTuple):
     """Seconds: on the clock, and of the processor in this process, the scheduler and all workers."""
 
-    wall: float = 0.0
-    client: float = 0.0
+    wall: float
+    client: float
     scheduler: float = 0.0
     workers: float = 0.0
 
@@ -73,42 +92,26 @@ class Spent:
         return self.client + self.scheduler + self.workers
 
 
-@contextmanager
-def measuring(cluster: LocalCluster | None) -> Iterator[Spent]:
-    """Measure the cost of the body, here and on a cluster, if there is one."""
-    spent, wall, client = Spent(), time.perf_counter(), time.process_time()
+def measured(
+    work: Callable[[], Any], cluster: LocalCluster | None = None, on: Cluster | None = None
+) -> tuple[Any, Spent]:
+    """Return the result of work, whose tasks are computed ``on`` a cluster's workers, and its cost."""
+    wall, client = time.perf_counter(), time.process_time()
     scheduler, workers = (0.0, 0.0) if cluster is None else cluster.processor_seconds()
-    yield spent
-    spent.wall, spent.client = time.perf_counter() - wall, time.process_time() - client
-    if cluster is not None:
-        scheduler_after, workers_after = cluster.processor_seconds()
-        spent.scheduler, spent.workers = scheduler_after - scheduler, workers_after - workers
+    with nullcontext() if on is None else distributing(on):
+        result = work()
+    wall, client = time.perf_counter() - wall, time.process_time() - client
+    after = (0.0, 0.0) if cluster is None else cluster.processor_seconds()
+    return result, Spent(wall, client, after[0] - scheduler, after[1] - workers)
 
 
-def compute_here(function: Function, shared: Any, items: Sequence[Any]) -> tuple[list[Any], Spent]:
-    """Return the results of all items, computed one after the other in this process."""
-    with measuring(None) as spent:
-        results = [function(shared, item) for item in items]
-    return results, spent
+def distributed(function: Function, shared: Any, items: Sequence[Any]) -> list[Any]:
+    """Return the results of all items in their order."""
+    by_place = dict(distribute(function, shared, items))
+    return [by_place[i] for i in range(len(items))]
 
 
-def compute_there(
-    executor: Cluster, cluster: LocalCluster, function: Function, shared: Any, items: Sequence[Any]
-) -> tuple[list[Any], Spent]:
-    """Return the results of all items, computed by a cluster's workers."""
-    with distributing(executor), measuring(cluster) as spent:
-        by_place = dict(distribute(function, shared, items))
-    return [by_place[i] for i in range(len(items))], spent
-
-
-def run_there(executor: Cluster, cluster: LocalCluster, run: Callable[[], Any]) -> tuple[Any, Spent]:
-    """Return the result of a run, with its tasks computed by a cluster's workers."""
-    with distributing(executor), measuring(cluster) as spent:
-        return run(), spent
-
-
-@dataclass(frozen=True, kw_only=True)
-class Overheads:
+class Overheads(NamedTuple):
     """The overhead of a task in seconds: of the processor in client, scheduler and worker, and waiting.
 
     ``gap`` passes in a worker between two tasks, ``startup`` before the first and after the last.
@@ -149,41 +152,13 @@ def fit_waiting(tasks: Sequence[int], walls: Sequence[float], seconds: float, wo
     return max(float(slope) - seconds, 0.0), max(float(startup), 0.0)
 
 
-WORKERS = 2
-
-
-@dataclass(frozen=True, kw_only=True)
-class ScalingOptions:
-    """Amounts: ``seeds`` of ``generations`` each, a plan of ``starts`` along ``samples``, ``empty`` tasks.
-
-    The plan alone is done before and after that of the cluster, or ``once``. Waiting is fitted to two runs, ``fitted``
-    numbers of tasks that ``sleep`` [s], and predicted for ``crowds`` of workers, each with ``rounds`` of tasks.
-    """
-
-    seeds: int = 64
-    generations: int = 100
-    starts: int = 512
-    samples: int = 51
-    once: bool = False
-    empty: int = 2000
-    sleep: float = 0.25
-    fitted: tuple[int, int] = (8, 48)
-    crowds: tuple[int, ...] = (8, 12, 16)
-    rounds: int = 30
-
-
-QUICK = ScalingOptions(
-    seeds=4, generations=30, starts=16, samples=26, once=True, empty=200, fitted=(4, 16), crowds=(4,), rounds=8
-)
-
-
 @contextmanager
 def started(workers: int) -> Iterator[tuple[LocalCluster, Cluster]]:
     """Start a cluster on this machine, and yield it with the executor that sends every item as a task."""
     with (
         tempfile.TemporaryDirectory() as folder,
         local_cluster(Path(folder), workers) as cluster,
-        closing(Cluster(cluster.address, replace(CLUSTER, portion=0.0, overhead=0.0))) as executor,
+        closing(Cluster(cluster.address, EACH_ITEM)) as executor,
     ):
         executor.client.wait_for_workers(workers)
         yield cluster, executor
@@ -191,8 +166,7 @@ def started(workers: int) -> Iterator[tuple[LocalCluster, Cluster]]:
 
 def warm_up(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Iterator[Row]:
     """Load the library and compiled code in every worker; yield the cost."""
-    with measuring(cluster) as spent:
-        executor.client.run(search, options.generations, 0)
+    _, spent = measured(lambda: executor.client.run(search, options.generations, 0), cluster)
     note = "library and compiled code from the disk, and a search"
     yield Row("what a worker costs", "warm-up", "a worker", "CPU s", spent.workers / WORKERS, note=note)
     problem = panda_by_position(options.samples)
@@ -203,11 +177,11 @@ def warm_up(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -
 
 def seeds(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Iterator[Row]:
     """Yield the searches of several seeds on the cluster, compared with one process."""
-    items = list(range(options.seeds))
-    first, before = compute_here(search, options.generations, items[: options.seeds // 2])
-    there, spent = compute_there(executor, cluster, search, options.generations, items)
-    second, after = compute_here(search, options.generations, items[options.seeds // 2 :])
-    alone = Spent(wall=before.wall + after.wall, client=before.client + after.client)
+    half, generations = options.seeds // 2, options.generations
+    first, before = measured(lambda: [search(generations, seed) for seed in range(half)])
+    there, spent = measured(lambda: distributed(search, generations, range(options.seeds)), cluster, executor)
+    second, after = measured(lambda: [search(generations, seed) for seed in range(half, options.seeds)])
+    alone = Spent(before.wall + after.wall, before.client + after.client)
     same = sum(np.array_equal(one, other) for one, other in zip([*first, *second], there, strict=True))
     yield from compared(f"{options.seeds} seeds", alone, spent, options.seeds, same, cores=1)
 
@@ -215,75 +189,69 @@ def seeds(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> 
 def starts(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Iterator[Row]:
     """Yield a plan from many starts on the cluster, compared with one process of one thread per core."""
     problem = panda_by_position(options.samples)
-    redundancy = problem.task.redundancy
-    run = partial(pk.plan, problem, starts=options.starts // redundancy, seed=0, observe=False)
+    run = partial(pk.plan, problem, starts=options.starts // problem.task.redundancy, seed=0, observe=False)
     run()  # compiled code is loaded
-    with measuring(None) as before:
-        alone = run()
+    here, before = measured(run)
     executor.options = replace(CLUSTER, portion=1.0, overhead=0.0)
-    there, spent = run_there(executor, cluster, run)
-    mean = before
-    if not options.once:
-        with measuring(None) as after:
-            run()
-        mean = Spent(wall=(before.wall + after.wall) / 2, client=(before.client + after.client) / 2)
-    q, other = (np.stack([one.motion.q for one in plan.optima]) for plan in (alone, there))
-    same = np.array_equal(q, other)
-    cores = os.cpu_count() or 1
-    yield from compared(f"{options.starts} starts", mean, spent, options.starts, same * options.starts, cores=cores)
+    there, spent = measured(run, cluster, executor)
+    after = measured(run)[1]
+    alone = Spent((before.wall + after.wall) / 2, (before.client + after.client) / 2)
+    q, other = (np.stack([one.motion.q for one in plan.optima]) for plan in (here, there))
+    same = options.starts * np.array_equal(q, other)
+    yield from compared(f"{options.starts} starts", alone, spent, options.starts, same, cores=os.cpu_count() or 1)
 
 
 def compared(name: str, alone: Spent, there: Spent, tasks: int, same: int, *, cores: int) -> Iterator[Row]:
     """Yield rows of the time of this process alone on ``cores``, of the cluster's time, and of its efficiency."""
-    row = partial(Row, "two workers against one process", name)
-    yield row("alone", "CPU s", alone.processor, note=f"{alone.processor / tasks:.2g} s each")
+    place = "two workers against one process", name
+    yield Row(*place, "alone", "CPU s", alone.processor, note=f"{alone.processor / tasks:.2g} s each")
     parts = f"client {there.client:.3g}, scheduler {there.scheduler:.3g}, workers {there.workers:.3g}"
-    yield row("cluster", "CPU s", there.processor, note=parts)
-    efficiency = alone.processor / there.processor
-    yield row("efficiency by processor", "", efficiency, reference=0.8, source="goal, at least")
-    yield row("alone", "s", alone.wall)
-    yield row("cluster", "s", there.wall)
-    yield row("efficiency by clock", "", cores * alone.wall / (WORKERS * there.wall), note=busy())
-    yield row("same, bit for bit", "", same, reference=tasks, source="all")
+    yield Row(*place, "cluster", "CPU s", there.processor, note=parts)
+    yield goal_row(*place, "efficiency by processor", "", alone.processor / there.processor, 0.8, least=True)
+    yield Row(*place, "alone", "s", alone.wall)
+    yield Row(*place, "cluster", "s", there.wall)
+    yield Row(*place, "efficiency by clock", "", cores * alone.wall / (WORKERS * there.wall), note=busy())
+    yield Row(*place, "same, bit for bit", "", same, reference=tasks, source="all")
 
 
 def overheads(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Overheads:
     """Return the costs of a task, measured with tasks that do nothing, and with tasks that sleep."""
-    executor.options = replace(CLUSTER, portion=0.0, overhead=0.0)
-    _, spent = compute_there(executor, cluster, sleep, None, [0.0] * options.empty)
-    walls = [compute_there(executor, cluster, sleep, None, [options.sleep] * count)[1].wall for count in options.fitted]
-    gap, startup = fit_waiting(options.fitted, walls, options.sleep, WORKERS)
+
+    def slept(seconds: float, count: int) -> Spent:
+        return measured(lambda: distributed(sleep, None, [seconds] * count), cluster, executor)[1]
+
+    executor.options = EACH_ITEM
+    spent = slept(0.0, options.empty)
+    walls = [slept(options.sleep, count).wall for count in options.fitted]
     client, scheduler, worker = (each / options.empty for each in (spent.client, spent.scheduler, spent.workers))
-    return Overheads(client=client, scheduler=scheduler, worker=worker, gap=gap, startup=startup)
+    return Overheads(client, scheduler, worker, *fit_waiting(options.fitted, walls, options.sleep, WORKERS))
 
 
 def model_rows(costs: Overheads) -> Iterator[Row]:
     """Yield the model's statements for a thousand workers."""
-    row = partial(Row, "a task beside its own work")
     for column in ("client", "scheduler", "worker"):
-        yield row("processor", column, "ms", 1e3 * getattr(costs, column))
-    row = partial(Row, "model of a cluster")
+        yield Row("a task beside its own work", "processor", column, "ms", 1e3 * getattr(costs, column))
+    model = "model of a cluster"
     for seconds in (0.5, 1.0, 2.0):
-        yield row(f"tasks of {seconds:g} s", "saturated by", "workers", costs.saturation(seconds))
-    size = costs.task_size(1000, 0.9)
-    yield row("1,000 workers", "task size", "s", size, note="from which 0.9 of them is used")
+        yield Row(model, f"tasks of {seconds:g} s", "saturated by", "workers", costs.saturation(seconds))
+    note = "from which 0.9 of them is used"
+    yield Row(model, "1,000 workers", "task size", "s", costs.task_size(1000, 0.9), note=note)
 
 
 def predictions(costs: Overheads, options: ScalingOptions) -> Iterator[Row]:
     """Yield the model's predictions for more workers than there are cores, and the measured times."""
     for workers in options.crowds:
         tell(f"{workers} workers")
+        count = options.rounds * workers
         with started(workers) as (cluster, executor):
-            count = options.rounds * workers
-            executor.client.run(load)
-            compute_there(executor, cluster, sleep, None, [0.0] * workers)
-            wall = compute_there(executor, cluster, sleep, None, [options.sleep] * count)[1].wall
-        row = partial(Row, "more workers than cores, tasks that sleep", f"{workers} workers")
+            executor.client.run(sleep, None, 0.0)  # loads the library
+            for seconds, tasks in ((0.0, workers), (options.sleep, count)):
+                work = partial(distributed, sleep, None, [seconds] * tasks)
+                wall = measured(work, cluster, executor)[1].wall
+        place = "more workers than cores, tasks that sleep", f"{workers} workers"
         predicted = costs.makespan(count, options.sleep, workers)
-        yield row("tasks", "", count, note=f"{options.sleep:g} s each")
-        yield row("measured", "s", wall, reference=predicted, source="predicted", note=busy())
-        error = abs(predicted - wall) / wall
-        yield row("error of the prediction", "", error, reference=0.2, source="goal, at most")
+        yield Row(*place, "measured", "s", wall, reference=predicted, source="predicted", note=busy())
+        yield goal_row(*place, "error of the prediction", "", abs(predicted - wall) / wall, 0.2)
 
 
 def busy() -> str:

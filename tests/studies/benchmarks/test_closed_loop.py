@@ -15,12 +15,6 @@ def loop(request):
     return contestants.loop_of(request.param)
 
 
-def test_loops_begin_on_the_circle(loop):
-    q = np.cumsum(loop.start)
-    assert np.cos(q).sum() == pytest.approx(1.2, abs=1e-9)
-    assert np.sin(q).sum() == pytest.approx(0.0, abs=1e-9)
-
-
 def test_the_compiled_evaluation_is_the_readable_one(loop):
     step = contestants.CompiledStep(loop, loop.step_state(1))
     genes = np.random.default_rng(0).uniform(-1, 1, size=(30, step.readable.n_var))

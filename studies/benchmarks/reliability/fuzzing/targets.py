@@ -284,7 +284,18 @@ class VerbOptions(CommandLines):
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
-        self.options = verb_options()
+        # The options of every verb: their names, and whether they are flags
+        group = typer.main.get_command(app)
+        self.options = {
+            verb: [
+                (name, bool(getattr(parameter, "is_flag", False)))
+                for parameter in command.params
+                if parameter.param_type_name == "option"
+                for name in (*parameter.opts, *parameter.secondary_opts)
+                if name not in LEFT_OUT
+            ]
+            for verb, command in group.commands.items()  # type: ignore[attr-defined]
+        }
 
     def __call__(self, data: bytes) -> None:
         """Run a verb with options; raise Defect."""
@@ -299,21 +310,6 @@ class VerbOptions(CommandLines):
             name, is_flag = [*self.options[verb], ("", False)][which % (len(self.options[verb]) + 1)]
             words += [name] * bool(name) + [VALUES[value % len(VALUES)]] * (not is_flag)
         return words
-
-
-def verb_options() -> dict[str, list[tuple[str, bool]]]:
-    """Return the options of every verb: their names, and whether they are flags."""
-    group = typer.main.get_command(app)
-    return {
-        verb: [
-            (name, bool(getattr(parameter, "is_flag", False)))
-            for parameter in command.params
-            if parameter.param_type_name == "option"
-            for name in (*parameter.opts, *parameter.secondary_opts)
-            if name not in LEFT_OUT
-        ]
-        for verb, command in group.commands.items()  # type: ignore[attr-defined]
-    }
 
 
 CORPUS = Path(__file__).parents[4] / "tests" / "fuzzing" / "corpus"

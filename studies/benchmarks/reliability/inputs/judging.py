@@ -232,33 +232,6 @@ def cases(surfaces: list[Surface]) -> Iterator[Case]:
 
 def judge(case: Case, examples: Examples) -> Outcome:
     """Call a surface with one bad argument, all others good, and judge the outcome."""
-    call = _call(case, examples)
-    before, began = sorted(os.walk(examples.folder)), time.process_time()
-    with warnings.catch_warnings(record=True) as warned:
-        warnings.simplefilter("always")
-        try:
-            call()
-        except InvalidInput as refusal:
-            faults = message_faults(str(refusal), is_named=_is_named(case, str(refusal)))
-            words = f"{', '.join(faults)}: {refusal}" if faults else str(refusal)
-            outcome = Outcome("poor" if faults else "good", words)
-        except ParetoikError as failure:
-            outcome = Outcome("bad" if case.is_certain else "taken", str(failure))
-        except Exception as error:
-            outcome = Outcome("bad", cause_of(error))
-        else:
-            outcome = Outcome("taken", "")
-    seconds = time.process_time() - began
-    if warned:
-        return Outcome("bad", f"warning: {warned[0].message}")
-    if outcome.verdict == "good" and seconds > SECONDS:
-        return Outcome("poor", f"after {seconds:.1f} s: {outcome.words}")
-    if outcome.verdict == "good" and sorted(os.walk(examples.folder)) != before:
-        return Outcome("poor", f"after files were written: {outcome.words}")
-    return outcome
-
-
-def _call(case: Case, examples: Examples) -> Any:
     surface, argument = case.surface, case.argument
     value = case.fault.make(examples.folder)
     others: dict[str, Any] = examples.arguments(surface, argument)
@@ -285,7 +258,29 @@ def _call(case: Case, examples: Examples) -> Any:
         elif surface.name in ("objective", "constraint", "step_objective"):
             result(lambda motion: motion.q)
 
-    return call
+    before, began = sorted(os.walk(examples.folder)), time.process_time()
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        try:
+            call()
+        except InvalidInput as refusal:
+            faults = message_faults(str(refusal), is_named=_is_named(case, str(refusal)))
+            words = f"{', '.join(faults)}: {refusal}" if faults else str(refusal)
+            outcome = Outcome("poor" if faults else "good", words)
+        except ParetoikError as failure:
+            outcome = Outcome("bad" if case.is_certain else "taken", str(failure))
+        except Exception as error:
+            outcome = Outcome("bad", cause_of(error))
+        else:
+            outcome = Outcome("taken", "")
+    seconds = time.process_time() - began
+    if warned:
+        return Outcome("bad", f"warning: {warned[0].message}")
+    if outcome.verdict == "good" and seconds > SECONDS:
+        return Outcome("poor", f"after {seconds:.1f} s: {outcome.words}")
+    if outcome.verdict == "good" and sorted(os.walk(examples.folder)) != before:
+        return Outcome("poor", f"after files were written: {outcome.words}")
+    return outcome
 
 
 def _is_named(case: Case, message: str) -> bool:
