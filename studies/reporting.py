@@ -140,14 +140,10 @@ def report(rows: Sequence[Row], *, json_file: Path | None = None) -> None:
 
 def save_rows(rows: Sequence[Row], file: Path) -> None:
     """Write rows as strict JSON: infinities and NaN are written as null."""
-    file.write_text(json.dumps([_record(row) for row in rows], indent=2, allow_nan=False) + "\n")
-
-
-def _record(row: Row) -> dict[str, str | float | None]:
-    record = {**asdict(row), "source": None if row.reference is None else row.source}
-    return {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in record.items()
-    }
+    records = [{**asdict(row), "source": None if row.reference is None else row.source} for row in rows]
+    for record in records:
+        record |= {key: None for key, value in record.items() if isinstance(value, float) and not math.isfinite(value)}
+    file.write_text(json.dumps(records, indent=2, allow_nan=False) + "\n")
 
 
 @contextmanager

@@ -73,12 +73,7 @@ def bootstrap_interval(statistic: Callable[..., Values], *samples: Values) -> tu
     with np.errstate(invalid="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore", DegenerateDataWarning)  # about a NaN, which is returned
         result = bootstrap(
-            samples,
-            statistic,
-            method="percentile",
-            n_resamples=RESAMPLES,
-            confidence_level=CONFIDENCE,
-            rng=0,
+            samples, statistic, method="percentile", n_resamples=RESAMPLES, confidence_level=CONFIDENCE, rng=0
         )
     if not np.isfinite(result.bootstrap_distribution).all():
         return float("nan"), float("nan")

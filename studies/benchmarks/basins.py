@@ -193,17 +193,12 @@ def _draw(case: Case) -> pk.Tracking:
     raise AssertionError(f"{case.name}: no path that the arm can follow in {DRAWS} draws")
 
 
-def _tool_pose(arm: pk.Arm, q: np.ndarray) -> pk.Pose:
-    rotation, position = forward_kinematics(arm, q)
-    return pk.Pose.from_matrix(rotation, position)
-
-
 def _path(arm: pk.Arm, case: Case, rng: np.random.Generator) -> pk.Path | pk.Task:
     """Return a path between the positions of two postures, or a circle at one."""
     lower, upper = np.clip(arm.position_limits, -np.pi, np.pi).T
     q = rng.uniform(0.8 * lower, 0.8 * upper)
     ends = [q, np.clip(q + rng.normal(scale=0.7, size=arm.dof), 0.8 * lower, 0.8 * upper)]
-    poses = [_tool_pose(arm, each) for each in ends]
+    poses = [pk.Pose.from_matrix(*forward_kinematics(arm, each)) for each in ends]
     flat = case.arm == "rail" or arm.is_planar
     points = [pose.position[: 2 if flat else 3] for pose in poses]
     size = float(np.linalg.norm(points[1] - points[0]))
@@ -410,7 +405,17 @@ HITS = (0.95, 0.85)  # goals: shares of seeds that find the best, redundancy 1 a
 
 def table_rows(races: Sequence[Race]) -> list[Row]:
     """Return the summary, then the rows of all problems, losses first."""
-    return summary_rows(races) + losses_first([row for each in races for row in problem_rows(each)])
+    rows = list[Row]()
+    for each in races:  # the best values, and the times to the best with every peer's
+        table, name, best = f"redundancy {each.redundancy}", each.case.name, each.best
+        note = f"ours {each.ours.hits(best)} of {len(each.ours.values)} seeds"
+        place, goal = (table, name, "best found", each.case.objective.unit), 1 + NO_WORSE
+        rows.append(versus(*place, each.ours.best, each.peers_best, goal=goal, note=note))
+        for peer, tries in each.peers.items():
+            note = f"{peer} {tries.hits(best)} of {len(tries.values)} starts"
+            times = each.ours.time_to_best(best), tries.time_to_best(best)
+            rows.append(versus(table, name, f"time to best, {peer}", "s", *times, goal=TIME, note=note))
+    return summary_rows(races) + losses_first(rows)
 
 
 def summary_rows(races: Sequence[Race]) -> list[Row]:
@@ -429,19 +434,6 @@ def summary_rows(races: Sequence[Race]) -> list[Row]:
             share = sum(each.ours.hits(each.best) for each in group) / sum(len(each.ours.values) for each in group)
             place, note = ("summary", f"seeds that find the best, {name}", "all", "share"), f"of {len(group)} problems"
             rows.append(goal_row(*place, share, HITS[high], note, least=True))
-    return rows
-
-
-def problem_rows(each: Race) -> list[Row]:
-    """Return the rows of one problem: the best values, and the times to the best with every peer's."""
-    table, name, best = f"redundancy {each.redundancy}", each.case.name, each.best
-    note = f"ours {each.ours.hits(best)} of {len(each.ours.values)} seeds"
-    place, goal = (table, name, "best found", each.case.objective.unit), 1 + NO_WORSE
-    rows = [versus(*place, each.ours.best, each.peers_best, goal=goal, note=note)]
-    for peer, tries in each.peers.items():
-        note = f"{peer} {tries.hits(best)} of {len(tries.values)} starts"
-        times = each.ours.time_to_best(best), tries.time_to_best(best)
-        rows.append(versus(table, name, f"time to best, {peer}", "s", *times, goal=TIME, note=note))
     return rows
 
 

@@ -37,6 +37,7 @@ run = loop(3, 0.7, blocked=True, steps=3, generations=3, population=20, start=st
 result = [float(run.drift), float(run.position_error)]
 """,
 }
+# prints the seconds of the processor and the clock from import to result, and the result
 TIMED = """
 import json, time
 clock = time.perf_counter()
@@ -45,17 +46,12 @@ print(json.dumps({{"processor": time.process_time(), "clock": time.perf_counter(
 """
 
 
-def time_case(case: str, checkout: Path, cache: Path) -> dict[str, Any]:
-    """Return the seconds of the processor and the clock from import to result in a new process, and the result."""
-    return run_in(checkout, TIMED.format(case=CASES[case]), cache=cache)
-
-
 def case_rows(case: str, checkouts: Mapping[str, Path]) -> list[Row]:
     """Return the rows of a case: seconds with empty caches per checkout, and the ratio of two checkouts."""
     place, rows, colds = ("first result with empty caches", case), list[Row](), dict[str, dict[str, Any]]()
     for label, path in checkouts.items():
         with tempfile.TemporaryDirectory() as cache:
-            cold, warm = (time_case(case, path, Path(cache)) for _ in range(2))
+            cold, warm = (run_in(path, TIMED.format(case=CASES[case]), cache=Path(cache)) for _ in range(2))
         note = f"{warm['processor']:.2g} s once compiled; by the clock {cold['clock']:.3g} and {warm['clock']:.2g} s"
         rows.append(Row(*place, label, "s", cold["processor"], note=note))
         colds[label] = cold

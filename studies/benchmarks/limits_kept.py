@@ -38,12 +38,6 @@ class Case(NamedTuple):
     seconds: tuple[float, float]
 
 
-def table_path() -> pk.Path:
-    """Return the path of the hand, 1.5 s in steps of 10 ms."""
-    ends = (pk.Pose.from_rpy((0.45, y, 0.3), panda.DOWN) for y in (-0.25, 0.25))
-    return pk.line(*ends, duration=1.5, samples=151)
-
-
 def start_postures(task: MotionTask, count: int) -> np.ndarray:
     """Return postures (count, 7) of the first pose, 0.1 rad within their limits."""
     candidates = sample_postures(task, 40 * count, np.random.default_rng(0))
@@ -142,7 +136,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     if not find_spec("pink"):
         print("left out: pink, which is not installed")
-    task = motion_task(panda.panda(), table_path(), objectives=[pk.joint_travel], differences="backward")
+    ends = (pk.Pose.from_rpy((0.45, y, 0.3), panda.DOWN) for y in (-0.25, 0.25))
+    path = pk.line(*ends, duration=1.5, samples=151)
+    task = motion_task(panda.panda(), path, objectives=[pk.joint_travel], differences="backward")
     starts, rows = start_postures(task, 3 if options.quick else 20), []
     for name, shares in SHARES.items():
         cases = []

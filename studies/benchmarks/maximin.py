@@ -115,7 +115,7 @@ def pymoo_case(name: str, generations: int, *settings: int, n_obj: int = 2, n_va
     return Case(name=name, family=family, make=make, n_obj=n_obj, generations=generations)
 
 
-def _unconstrained_cases() -> Iterator[Case]:
+def _cases() -> Iterator[Case]:
     yield from (replace(pymoo_case(f"ZDT{k}", 250), binary=k == 5) for k in range(1, 7))
     distances = {1: 5, 7: 20}  # variables for a point's distance from the front
     for n_obj, numbers in ((3, range(1, 8)), (5, (1, 2, 7))):
@@ -124,19 +124,13 @@ def _unconstrained_cases() -> Iterator[Case]:
             case = pymoo_case(f"DTLZ{k}", generations, n_obj=n_obj, n_var=n_var)
             yield replace(case, name=f"{case.name}-{n_obj}")
     yield from (pymoo_case(f"WFG{k}", 150, n_var=24) for k in range(1, 10))
-
-
-def _constrained_cases() -> Iterator[Case]:
-    for k in range(1, 15):
-        yield pymoo_case(f"MW{k}", 200, n_obj=3 if k in (4, 8, 14) else 2)
-    for k in range(1, 9):
-        yield pymoo_case(f"CTP{k}", 100)
-    for k in range(1, 10):
-        yield pymoo_case(f"DASCMOP{k}", 200, DIFFICULTY, n_obj=3 if k > 6 else 2)
-    yield from (pymoo_case(name, 100) for name in ("BNH", "OSY", "TNK"))
-
-
-def _other_cases() -> Iterator[Case]:
+    constrained = [
+        *(pymoo_case(f"MW{k}", 200, n_obj=3 if k in (4, 8, 14) else 2) for k in range(1, 15)),
+        *(pymoo_case(f"CTP{k}", 100) for k in range(1, 9)),
+        *(pymoo_case(f"DASCMOP{k}", 200, DIFFICULTY, n_obj=3 if k > 6 else 2) for k in range(1, 10)),
+        *(pymoo_case(name, 100) for name in ("BNH", "OSY", "TNK")),
+    ]
+    yield from (replace(case, constrained=True) for case in constrained)
     for k in range(1, 56) if COCO else ():
         name, make = f"{BIOBJECTIVE} f{k:02d}", partial(Biobjective, k)
         yield Case(name=name, family=BIOBJECTIVE, make=make, generations=100)
@@ -148,8 +142,7 @@ def _other_cases() -> Iterator[Case]:
 @cache
 def cases() -> dict[str, Case]:
     """Every problem by name."""
-    constrained = [replace(case, constrained=True) for case in _constrained_cases()]
-    return {case.name: case for case in (*_unconstrained_cases(), *constrained, *_other_cases())}
+    return {case.name: case for case in _cases()}
 
 
 @cache

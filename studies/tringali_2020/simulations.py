@@ -117,16 +117,6 @@ def machine() -> str:
     return f"{name}, {os.cpu_count()} cores, Python {platform.python_version()}"
 
 
-def limit_use(simulation: Simulation) -> tuple[float, str]:
-    """Return the best motion's greatest use of a limit, 1 being all of it, and the limits used; all are ±."""
-    task = simulation.problem.task
-    uses = 1 + 2 * task.violations(simulation.motion)
-    largest = float(uses.max())
-    return largest, ", ".join(
-        name for name, use in zip(task.limit_names, uses, strict=True) if use > largest - AT_LIMIT
-    )
-
-
 def tables(simulation: Simulation) -> list[Row]:
     """Return the rows of a simulation in Table 5 or 6: those of the paper, then its optima and limits."""
     table = "Table 6" if simulation.number == 5 else "Table 5"
@@ -146,8 +136,10 @@ def tables(simulation: Simulation) -> list[Row]:
     theirs = "; the paper shows three in its Table 4 and Figure 3" if simulation.number == 1 else ""
     note = f"bends and {goal}: {labels}{theirs}"
     rows.append(beside(table, masses, name, "distinct optima", "", len(plan.optima), note))
-    if simulation.problem.task.limit_names:
-        use, which = limit_use(simulation)
+    if names := simulation.problem.task.limit_names:
+        uses = 1 + 2 * simulation.problem.task.violations(motion)  # shares of each limit, which are all ±
+        use = float(uses.max())
+        which = ", ".join(limit for limit, each in zip(names, uses, strict=True) if each > use - AT_LIMIT)
         rows.append(beside(table, masses, name, "worst limit use", "", use, f"1 is all of it: {which}"))
     return rows
 

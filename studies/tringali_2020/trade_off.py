@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 import paretoik as pk
 from paretoik.front.hypervolume import hypervolume, non_dominated
@@ -56,7 +56,8 @@ def figure_14(trade_off: TradeOff) -> list[Row]:
             note = f"{100 * (values[end] / theirs - 1):+.2f} %; theirs: simulation {simulation}; {DRAWN}"
             rows.append(_row(masses, name, column, unit, float(values[end]), note, theirs))
     minima, bends = int(np.sum(certificates.status == "minimum")), sorted(set(branch_labels(front.motions)))
-    off = int(off_hull(front).sum())
+    corners = front.shares[hull(front)]
+    off = int(np.sum(front.shares[:, 1] > np.interp(front.shares[:, 0], *corners.T) + OFF))
     weights = "the paper: if the front is not convex, ε-constraints find what weights cannot"
     worst, between = float(certificates.violation.max()), float(certificates.violation_between.max())
     inequality = "ε as an inequality; what the printed equality costs: below"
@@ -88,13 +89,6 @@ def hull(front: pk.Front) -> list[int]:
             corners.pop()
         corners.append(i)
     return corners
-
-
-def off_hull(front: pk.Front) -> Bool[np.ndarray, " points"]:
-    """Return which points lie above the lower convex hull by more than ``OFF`` of the range."""
-    corners = front.shares[hull(front)]
-    below = np.interp(front.shares[:, 0], corners[:, 0], corners[:, 1])
-    return np.asarray(front.shares[:, 1] > below + OFF)
 
 
 BEYOND = 0.1  # of the ranges, beyond the worse end: the reference point of the hypervolume

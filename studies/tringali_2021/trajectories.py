@@ -162,20 +162,14 @@ def text_rows(trajectory: Trajectory) -> list[Row]:
         unit = {"Figure 8": "s" if column.startswith("its") else "kg m²"}.get(table, "rad/s")
         rows.append(Row(f"{table}, {trajectory.masses} masses", row, column, unit, ours, reference=printed, note=note))
     if any(table == "Figure 8" and row == trajectory.name for table, row, _ in paper()):
-        rows.append(_always_lower_row(trajectory))
+        # the paper: PMKE's spectral radius is "always lower" than LSV's
+        ahead, local = (spectral_radius(trajectory.motions[name]) for name in ("PMKE", "LSV"))
+        above = ahead[1:] >= local[1:]  # both start from the same posture
+        times = trajectory.motions["PMKE"].time[1:][above]
+        note = f"of {len(above)}; " + (f"from {times[0]:.2f} to {times[-1]:.2f} s" if len(times) else "as in the paper")
+        place = f"Figure 8, {trajectory.masses} masses", trajectory.name, "samples at which PMKE is not below LSV", ""
+        rows.append(Row(*place, int(above.sum()), reference=0, note=note))
     return rows
-
-
-def _always_lower_row(trajectory: Trajectory) -> Row:
-    """Return the number of samples at which PMKE has no smaller spectral radius than LSV; the paper: "always lower"."""
-    ahead, local = (spectral_radius(trajectory.motions[name]) for name in ("PMKE", "LSV"))
-    above = ahead[1:] >= local[1:]  # both start from the same posture
-    times = trajectory.motions["PMKE"].time[1:][above]
-    note = f"of {len(above)}; " + (f"from {times[0]:.2f} to {times[-1]:.2f} s" if len(times) else "as in the paper")
-    column = "samples at which PMKE is not below LSV"
-    return Row(
-        f"Figure 8, {trajectory.masses} masses", trajectory.name, column, "", int(above.sum()), reference=0, note=note
-    )
 
 
 def text_number(motion: pk.Motion, table: str, row: str, column: str) -> float:

@@ -33,6 +33,7 @@ from studies.wan_2018.methods import (
 )
 
 FOURTH = 3  # joint 4, counted from 0
+EVENTS_TITLE = "events of the figures, medians over starts"
 AT_LIMIT = 0.02  # share of its range: a joint nearer to a limit than this is at it
 READINGS = ("ZYZ", "ZXZ", "ZYX", "XYZ", "zyx", "xyz")  # axes of Euler angles; capitals are intrinsic
 REASONS = {
@@ -50,7 +51,12 @@ def table_rows(resolved: Resolved) -> list[Row]:
     """Return medians over starts of the greatest errors, results on limits, and which method errs less."""
     rows = [row for name in resolved.motions for row in _error_rows(resolved, name)]
     rows += [row for name, motion in resolved.motions.items() for row in _limit_rows(resolved.table, name, motion)]
-    return rows + _comparison_rows(resolved)
+    first, title = resolved.baseline, f"{resolved.table}: which errs less, from the same start"
+    errors = {name: worst_errors(motion).max(axis=1) for name, motion in resolved.motions.items()}
+    for name in (name for name in errors if name != first):
+        place = title, f"{name} beside {first}", "less on its worst axis", "share of starts"
+        rows.append(Row(*place, float((errors[name] < errors[first]).mean())))
+    return rows
 
 
 def _error_rows(resolved: Resolved, name: str) -> list[Row]:
@@ -107,17 +113,6 @@ def _limit_rows(table: str, name: str, motion: ResolvedMotion) -> list[Row]:
     }
     title, unit = f"{table}: what becomes of limits, and of steps", "share of starts"
     return [Row(title, name, column, unit, float(share.mean()), note=note) for column, (share, note) in shares.items()]
-
-
-def _comparison_rows(resolved: Resolved) -> list[Row]:
-    first = resolved.baseline
-    errors = {name: worst_errors(motion) for name, motion in resolved.motions.items()}
-    rows, title = list[Row](), f"{resolved.table}: which errs less, from the same start"
-    for name in (name for name in errors if name != first):
-        worst = errors[name].max(axis=1) < errors[first].max(axis=1)
-        place = title, f"{name} beside {first}", "less on its worst axis", "share of starts"
-        rows.append(Row(*place, float(worst.mean())))
-    return rows
 
 
 def running_time_rows(resolved: Resolved, *, rounds: int) -> list[Row]:
@@ -231,7 +226,16 @@ def event_rows(tables: Sequence[Resolved]) -> list[Row]:
             for event in EVENTS.get(method, ()):
                 values = event.measure(motion)
                 rows.append(_row(event, name, method, values, resolved.nearest_start()))
-        rows += _later_rows(resolved) if resolved.table == "Table 2" else []
+        if resolved.table == "Table 2":
+            first = first_damped(resolved.motions[resolved.baseline])
+            note = (
+                "the paper: it is later; a joint in its buffer lowers the clamped Jacobian's singular values from the "
+            )
+            note += "first sample on"
+            for name in VARIANTS:
+                later = float((np.nan_to_num(first_damped(resolved.motions[name]), nan=np.inf) > first).mean())
+                place = EVENTS_TITLE, f"Figure 7, {name}", f"singular later than by {resolved.baseline}"
+                rows.append(Row(*place, "share of starts", later, note=note))
     return rows
 
 
@@ -244,9 +248,8 @@ def _row(event: Event, name: str, method: str, values: np.ndarray, nearest: int)
         f"quartiles {low:.3g} and {high:.3g}, in {len(happens) / len(values):.0%} of motions, in those drawn "
         f"{values[nearest]:.3g}; {reason}"
     )
-    table = "events of the figures, medians over starts"
     unit = "" if event.measure is least_weight else "s"
-    return Row(table, f"{event.figure}, {name}", event.column, unit, float(middle), reference=printed, note=note)
+    return Row(EVENTS_TITLE, f"{event.figure}, {name}", event.column, unit, float(middle), reference=printed, note=note)
 
 
 def _depth_of_weight(weight: float) -> str:
@@ -256,15 +259,3 @@ def _depth_of_weight(weight: float) -> str:
         f"{weight} is that of a joint {depth:.0%} deep in its buffer, {BUFFER * (1 - depth):.0%} of its range from the "
         "limit; no start is printed, and from ours it goes nearer, or not into its buffer"
     )
-
-
-def _later_rows(resolved: Resolved) -> list[Row]:
-    first = first_damped(resolved.motions[resolved.baseline])
-    title, column = "events of the figures, medians over starts", f"singular later than by {resolved.baseline}"
-    note = "the paper: it is later; a joint in its buffer lowers the clamped Jacobian's singular values from the first "
-    note += "sample on"
-    rows = []
-    for name in VARIANTS:
-        later = float((np.nan_to_num(first_damped(resolved.motions[name]), nan=np.inf) > first).mean())
-        rows.append(Row(title, f"Figure 7, {name}", column, "share of starts", later, note=note))
-    return rows

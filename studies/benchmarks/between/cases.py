@@ -170,10 +170,14 @@ def minimise_from(task: MotionTask, q: Float[np.ndarray, "starts time dof"]) -> 
 
 def random_path(rng: np.random.Generator, *, spatial: bool, samples: int) -> tuple[pk.Arm, pk.Path, bool]:
     """Return a planar arm or the Panda, a path for it, and whether it is a cycle."""
-    return (_spatial if spatial else _planar)(rng, samples)
-
-
-def _planar(rng: np.random.Generator, samples: int) -> tuple[pk.Arm, pk.Path, bool]:
+    if spatial:
+        middle = np.array([rng.uniform(0.4, 0.5), 0.0, rng.uniform(0.3, 0.5)])
+        across = np.array([rng.uniform(-0.1, 0.1), rng.uniform(0.15, 0.25), rng.uniform(-0.1, 0.1)])
+        ends = [middle - across, middle + across]
+        if rng.random() < 0.5:
+            first, last = (pk.Pose.from_rpy(tuple(end), panda.DOWN) for end in ends)
+            return panda.panda(), pk.line(first, last, duration=1.5, samples=samples), False
+        return panda.panda(), pk.line(*ends, duration=1.5, samples=samples), False
     dof = int(rng.integers(3, 6))
     lengths = rng.uniform(0.15, 0.35, dof)
     masses = rng.uniform(0.3, 1.5, dof)
@@ -187,21 +191,17 @@ def _planar(rng: np.random.Generator, samples: int) -> tuple[pk.Arm, pk.Path, bo
     return arm, pk.line(middle - across, middle + across, duration=1.0, samples=samples), False
 
 
-def _spatial(rng: np.random.Generator, samples: int) -> tuple[pk.Arm, pk.Path, bool]:
-    middle = np.array([rng.uniform(0.4, 0.5), 0.0, rng.uniform(0.3, 0.5)])
-    across = np.array([rng.uniform(-0.1, 0.1), rng.uniform(0.15, 0.25), rng.uniform(-0.1, 0.1)])
-    ends = [middle - across, middle + across]
-    if rng.random() < 0.5:
-        first, last = (pk.Pose.from_rpy(tuple(end), panda.DOWN) for end in ends)
-        return panda.panda(), pk.line(first, last, duration=1.5, samples=samples), False
-    return panda.panda(), pk.line(*ends, duration=1.5, samples=samples), False
-
-
 def _active(kind: str, best: Motion, rng: np.random.Generator) -> tuple[pk.Limits, tuple[Obstacle, ...]]:
     """Return limits of a kind that a motion exceeds, and obstacles."""
     share = rng.uniform(*OPTIONS.share, size=best.arm.dof)
     if kind == "clearance":
-        return pk.Limits(clearance=0.005), (_obstacle(best, rng),)
+        # an obstacle near the elbow at a random time, a little too near
+        nodes = best.links[int(rng.integers(len(best.time) // 4, 3 * len(best.time) // 4))]
+        elbow, radius = nodes[len(nodes) // 2], 0.03
+        away = np.append(rng.normal(size=2), 0.0) if best.arm.is_planar else rng.normal(size=3)
+        centre = elbow + (radius + 0.015 - OPTIONS.depth) * away / np.linalg.norm(away)
+        near = pk.obstacles.Circle(centre[:2], radius) if best.arm.is_planar else pk.obstacles.Sphere(centre, radius)
+        return pk.Limits(clearance=0.005), (near,)
     if kind in ("torque", "position"):
         values = best.torque if kind == "torque" else best.q
         middle, half = (values.max(axis=0) + values.min(axis=0)) / 2, share * np.ptp(values, axis=0) / 2
@@ -211,13 +211,3 @@ def _active(kind: str, best: Motion, rng: np.random.Generator) -> tuple[pk.Limit
     largest = np.abs(best.dq if kind == "velocity" else best.ddq).max(axis=0)
     bound = share * np.maximum(largest, 0.05 * largest.max())
     return (pk.Limits(velocity=bound) if kind == "velocity" else pk.Limits(acceleration=bound)), ()
-
-
-def _obstacle(best: Motion, rng: np.random.Generator) -> Obstacle:
-    """Return an obstacle near the elbow at a random time, a little too near."""
-    nodes = best.links[int(rng.integers(len(best.time) // 4, 3 * len(best.time) // 4))]
-    elbow = nodes[len(nodes) // 2]
-    radius = 0.03
-    away = np.append(rng.normal(size=2), 0.0) if best.arm.is_planar else rng.normal(size=3)
-    centre = elbow + (radius + 0.015 - OPTIONS.depth) * away / np.linalg.norm(away)
-    return pk.obstacles.Circle(centre[:2], radius) if best.arm.is_planar else pk.obstacles.Sphere(centre, radius)

@@ -56,7 +56,10 @@ def run_case(number: int, rng: np.random.Generator, generations: int) -> Outcome
     assert isinstance(found, Motion)
     assert refined.certificates is not None
     true = true_values(motions, objectives)
-    spline = replace(motions, **_spline_state(motions))
+    time, q, derivatives = evaluate_with_midpoints(motions.spline)  # the state of the spline
+    q[..., ::2, :] = motions.q
+    derivatives = replace(derivatives, velocity_bounds=derivatives.dq.copy())
+    spline = replace(motions, time=time, q=q, derivatives=derivatives)
     before = np.stack([objective(spline) for objective in objectives], axis=1)
     dq, state = motions.dq, motions.state(motions.time[0]).dq
     widths = np.ptp(refined.ranges, axis=1)
@@ -93,13 +96,6 @@ def _values_of_curve(motion: Motion, objectives: Sequence[Any]) -> list[float]:
         float(row.max() if objective.form == "peak" else row @ shares)
         for objective, row in zip(objectives, values, strict=True)
     ]
-
-
-def _spline_state(motions: Motion) -> dict[str, Any]:
-    """Return the fields of motions by the state of the spline."""
-    time, q, derivatives = evaluate_with_midpoints(motions.spline)
-    q[..., ::2, :] = motions.q
-    return {"time": time, "q": q, "derivatives": replace(derivatives, velocity_bounds=derivatives.dq.copy())}
 
 
 def tables(outcomes: Sequence[Outcome]) -> list[Row]:

@@ -71,7 +71,10 @@ def ipopt_attempt(subject: Subject, point: int, main: int, *, warm: bool) -> Att
         if end is None:
             return Attempt(point, how, False)
         motion = led_back(subject.task, end)
-        if motion is None or not keeps_limits(subject, point, motion):
+        if motion is None or violation(subject.task, motion) > HOLDS:
+            return Attempt(point, how, True)
+        between = subject.certificates.violation_between[point] + HOLDS  # a spline as well as the front's point
+        if subject.task.differences == "spline" and violation_between(subject.task, motion) > between:
             return Attempt(point, how, True)
         rise = (objectives(subject.task, motion) - values) / ranges
         others = np.delete(rise, main)
@@ -81,16 +84,6 @@ def ipopt_attempt(subject: Subject, point: int, main: int, *, warm: bool) -> Att
             return Attempt(point, how, True, gain, distance)
         ceilings = ceilings - 2 * np.maximum(rise, 0.0) * ranges
     return Attempt(point, how, True)
-
-
-def keeps_limits(subject: Subject, point: int, q: np.ndarray) -> bool:
-    """Return whether a motion satisfies its limits, a spline between samples as well as a point of the front does."""
-    task = subject.task
-    if violation(task, q) > HOLDS:
-        return False
-    if task.differences != "spline":
-        return True
-    return violation_between(task, q) <= subject.certificates.violation_between[point] + HOLDS
 
 
 def perturbation_rows(subject: Subject, *, steps: int, seed: int) -> list[Row]:

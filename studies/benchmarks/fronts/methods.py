@@ -209,16 +209,6 @@ class Crowding(RankAndCrowding):  # type: ignore[misc]  # pymoo has no types
         return survivors
 
 
-def cell_algorithm(cell: Cell, problem: pk.Tracking, first: Genes) -> Any:
-    """Return a cell's algorithm: both selections have the same operators and the same parents."""
-    crossover, mutation = Differential(), SmoothMutation(problem.encoding.coefficients)
-    if cell.maximin:
-        share = TRACKING.infeasible_share
-        return MaxiMinNSGA2(len(first), sampling=first, crossover=crossover, mutation=mutation, infeasible_share=share)
-    mating = BranchwiseMating(crossover, mutation, infeasible_parents=True)
-    return NSGA2(pop_size=len(first), sampling=first, survival=Crowding(), mating=mating)
-
-
 def ours(problem: pk.Tracking, seed: int, budget: Budget, generations: int) -> Run:
     """Return a run of ``pk.solve(refine=True)`` at its defaults, with this population and budget."""
     account = Account(budget=budget)
@@ -228,10 +218,23 @@ def ours(problem: pk.Tracking, seed: int, budget: Budget, generations: int) -> R
 
 
 def cell_run(cell: Cell, problem: pk.Tracking, seed: int, budget: Budget) -> Run:
-    """Return a run of one cell of the factorial."""
+    """Return a run of one cell of the factorial: both selections have the same operators and the same parents."""
     account = Account(budget=budget)
     first = first_genes(problem, seed, seeded=cell.seeded)
-    search = Search(problem, seed=seed, algorithm=cell_algorithm(cell, problem, first))
+    crossover, mutation = Differential(), SmoothMutation(problem.encoding.coefficients)
+    algorithm: Any
+    if cell.maximin:
+        algorithm = MaxiMinNSGA2(
+            len(first),
+            sampling=first,
+            crossover=crossover,
+            mutation=mutation,
+            infeasible_share=TRACKING.infeasible_share,
+        )
+    else:
+        mating = BranchwiseMating(crossover, mutation, infeasible_parents=True)
+        algorithm = NSGA2(pop_size=len(first), sampling=first, survival=Crowding(), mating=mating)
+    search = Search(problem, seed=seed, algorithm=algorithm)
     return _search(search, account, refine=cell.refined)
 
 

@@ -390,7 +390,6 @@ def spline_program(task: MotionTask) -> Peer:
             *((each, np.zeros(each.numel()), np.zeros(each.numel())) for each in (at_path, off)),
             (totals / p[count:], np.full(count, -np.inf), np.full(count, np.inf)),
         ]
-        lower, upper = sides_of(task, "position", samples)
         f, g = casadi.dot(p[:count], totals / p[count:]), vertcat(*(casadi.vec(each[0]) for each in parts))
         lower, upper = sides_of(task, "position", samples)
         free = np.full(tops + multipliers.numel(), np.inf)

@@ -197,22 +197,19 @@ def kill_rows(folder: Path, count: int, names: Sequence[str]) -> Iterator[Row]:
                 kills.append(kill(run, phase, amount, folder / "killed", again=again, damaged=damaged))
                 told = f"{phase} {amount:.3g}: {kills[-1].outcome} {kills[-1].cause}"
                 tell(f"{run.name}: {number + 1} of {len(moments[run.name])}, {told}")
-            yield from _run_rows(run.name, [each for each in kills if each.name == run.name])
+            its, row = [each for each in kills if each.name == run.name], partial(Row, "kills", run.name)
+            outcomes = Counter(each.outcome for each in its)
+            causes = ", ".join(sorted({each.cause for each in its if each.cause}))
+            words = ", ".join(f"{number} {outcome}" for outcome, number in outcomes.most_common())
+            yield row("kills", "", len(its), note=words)
+            yield row("lost", "", sum(outcomes[each] for each in LOST), reference=0, source="goal", note=causes)
+            unsaved = [each.unsaved for each in its if each.unsaved is not None and np.isfinite(each.unsaved)]
+            if unsaved:
+                yield row("work lost, median", "s", float(np.median(unsaved)), reference=1, source="goal")
+                yield row("work lost, most", "s", max(unsaved), reference=1, source="goal")
     for phase in PHASES:
         met = [each for each in kills if each.phase == phase and each.unsaved is not None]
         lost = sum(each.outcome in LOST for each in met)
         note = "refused, or by another course or to another result" if lost else ""
         yield Row("phases", phase, "kills", "", len(met), reference=PER_PHASE, source="goal")
         yield Row("phases", phase, "lost", "", lost, reference=0, source="goal", note=note)
-
-
-def _run_rows(name: str, kills: list[Kill]) -> Iterator[Row]:
-    outcomes, row = Counter(each.outcome for each in kills), partial(Row, "kills", name)
-    causes = ", ".join(sorted({each.cause for each in kills if each.cause}))
-    words = ", ".join(f"{number} {outcome}" for outcome, number in outcomes.most_common())
-    yield row("kills", "", len(kills), note=words)
-    yield row("lost", "", sum(outcomes[each] for each in LOST), reference=0, source="goal", note=causes)
-    unsaved = [each.unsaved for each in kills if each.unsaved is not None and np.isfinite(each.unsaved)]
-    if unsaved:
-        yield row("work lost, median", "s", float(np.median(unsaved)), reference=1, source="goal")
-        yield row("work lost, most", "s", max(unsaved), reference=1, source="goal")

@@ -206,11 +206,7 @@ FAULTS: dict[str, tuple[str, Change, str]] = {
         lambda run: run.table.update(kinetic_energy=run.table["torque_norm"], torque_norm=run.table["kinetic_energy"]),
         "objective kinetic_energy",
     ),
-    "a user's objective edited": (
-        "obstacles",
-        column("wrist_effort", times(1 + 1e-6), -1),
-        "objective wrist_effort",
-    ),
+    "a user's objective edited": ("obstacles", column("wrist_effort", times(1 + 1e-6), -1), "objective wrist_effort"),
     "a maximised objective edited": (
         "obstacles",
         column("obstacle_clearance", plus(1e-6), -1),
@@ -274,11 +270,7 @@ FAULTS: dict[str, tuple[str, Change, str]] = {
     "maxima missing": ("polygon", lambda run: run.arrays["polygon.npz"].pop("values"), "files"),
     "an error hidden": ("resolved", rewrite(lambda entries: entries.update(largest_error=0.0)), "largest error"),
     "a resolved motion off its path": ("resolved", motions("q", (0, 6, 0), plus(0.1)), "tracking"),
-    "a tuned speed too good for its motion": (
-        "tuning",
-        column("speed_ratio", times(0.01), 0),
-        "objective speed_ratio",
-    ),
+    "a tuned speed too good for its motion": ("tuning", column("speed_ratio", times(0.01), 0), "objective speed_ratio"),
     "a tuned margin too good for its motion": (
         "tuning",
         column("limit_margin", plus(0.6), -1),

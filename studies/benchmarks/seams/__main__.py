@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from importlib.util import find_spec
 
 import numpy as np
 
@@ -44,7 +45,7 @@ def seam_rows(cell: str, seam: str, samples: int, resolutions: Sequence[float]) 
     """Return the rows of a seam: both costs against graphs of all resolutions, time and memory."""
     times, frames = SEAMS[seam](samples, cell)
     name, rows, fits = f"{cell}, {seam}, {samples} samples", list[Row](), next(iter(resolutions), np.nan)
-    if cell == "6R" and descartes.is_installed():
+    if cell == "6R" and find_spec("tesseract_robotics"):
         speed = np.asarray(CELLS[cell]().arm.velocity_limits) * np.diff(times)[0] * (1 + 1e-9)
         for resolution in resolutions:
             tell(f"{name}: Descartes, {resolution:g} rad")

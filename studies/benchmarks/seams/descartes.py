@@ -12,7 +12,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,11 +29,6 @@ class DescartesResult(NamedTuple):
     seconds: float
     gigabytes: float
     message: str
-
-
-def is_installed() -> bool:
-    """Return whether tesseract's Python package is installed."""
-    return find_spec("tesseract_robotics") is not None
 
 
 def plan_seam(frames: np.ndarray, resolution: float, *, turns: bool) -> DescartesResult:

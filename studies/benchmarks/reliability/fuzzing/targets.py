@@ -202,7 +202,10 @@ class CommandLines:
 
     def run(self, words: list[str]) -> None:
         """Run the words of a command; raise Defect."""
-        self._make_project()
+        shutil.rmtree(self._folder)  # the last command may have left anything there
+        for name, content in self._contents.items():
+            (self._folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (self._folder / name).write_bytes(content)
         out, err = io.StringIO(), io.StringIO()
         code: object = None
         argv = patch.object(sys, "argv", ["paretoik", *words])
@@ -221,13 +224,6 @@ class CommandLines:
             except SystemExit as end:
                 code = 0 if end.code is None else end.code
         _check(code, out.getvalue(), err.getvalue(), several=words[0] == "list")
-
-    def _make_project(self) -> None:
-        """Make the folder new, as the last command may have left anything there."""
-        shutil.rmtree(self._folder)
-        for name, content in self._contents.items():
-            (self._folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (self._folder / name).write_bytes(content)
 
 
 def _check(code: object, out: str, err: str, *, several: bool) -> None:
