@@ -28,7 +28,6 @@ REPORTED = Path(__file__).parent / "reported"
 WIDTH = 180  # characters per line in a file or a pipe
 BEGIN = time.perf_counter()
 LOSS = "LOSS: "
-HALF = 0.5
 
 
 @cache
@@ -75,6 +74,15 @@ def versus(
     finite_theirs = float(theirs) if np.isfinite(theirs) else None
     words = (LOSS if lost else "") + ", ".join(parts)
     return Row(table, row, column, unit, float(ours), reference=finite_theirs, source=source, note=words)
+
+
+def goal_row(
+    table: str, row: str, column: str, unit: str, ours: float, goal: float, note: str = "", *, least: bool = False
+) -> Row:
+    """Return a row with its goal, the most (or the ``least``) that it may be; otherwise, and for NaN, it is lost."""
+    is_met = ours >= goal if least else ours <= goal
+    note = ("" if is_met else LOSS) + (note or "goal")
+    return Row(table, row, column, unit, float(ours), reference=float(goal), source="goal", note=note)
 
 
 def losses_first(rows: Sequence[Row]) -> list[Row]:
@@ -132,14 +140,10 @@ def report(rows: Sequence[Row], *, json_file: Path | None = None) -> None:
 
 def save_rows(rows: Sequence[Row], file: Path) -> None:
     """Write rows as strict JSON: infinities and NaN are written as null."""
-    file.write_text(json.dumps([_record(row) for row in rows], indent=2, allow_nan=False) + "\n")
-
-
-def _record(row: Row) -> dict[str, str | float | None]:
-    record = {**asdict(row), "source": None if row.reference is None else row.source}
-    return {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in record.items()
-    }
+    records = [{**asdict(row), "source": None if row.reference is None else row.source} for row in rows]
+    for record in records:
+        record |= {key: None for key, value in record.items() if isinstance(value, float) and not math.isfinite(value)}
+    file.write_text(json.dumps(records, indent=2, allow_nan=False) + "\n")
 
 
 @contextmanager

@@ -14,17 +14,7 @@ from scipy.stats import DegenerateDataWarning, bootstrap, mannwhitneyu
 from paretoik.arrays import Objectives, Values
 from studies.reporting import Row
 
-
-@dataclass(frozen=True, kw_only=True)
-class SignificanceOptions:
-    """The ``level`` of tests, the ``confidence`` of intervals, and the number of ``resamples``."""
-
-    level: float = 0.05
-    confidence: float = 0.95
-    resamples: int = 2000
-
-
-SIGNIFICANCE = SignificanceOptions()
+LEVEL, CONFIDENCE, RESAMPLES = 0.05, 0.95, 2000  # of tests; of intervals and their number of resamples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,12 +73,7 @@ def bootstrap_interval(statistic: Callable[..., Values], *samples: Values) -> tu
     with np.errstate(invalid="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore", DegenerateDataWarning)  # about a NaN, which is returned
         result = bootstrap(
-            samples,
-            statistic,
-            method="percentile",
-            n_resamples=SIGNIFICANCE.resamples,
-            confidence_level=SIGNIFICANCE.confidence,
-            rng=0,
+            samples, statistic, method="percentile", n_resamples=RESAMPLES, confidence_level=CONFIDENCE, rng=0
         )
     if not np.isfinite(result.bootstrap_distribution).all():
         return float("nan"), float("nan")
@@ -166,9 +151,9 @@ def decide(rows: Sequence[Comparison]) -> list[Comparison]:
     differing, equal = holm([row.p for row in rows]), holm([row.p_equal for row in rows])
     for row, p, p_equal in zip(rows, differing, equal, strict=True):
         verdict = "undecided"
-        if p < SIGNIFICANCE.level:
+        if p < LEVEL:
             verdict = "loss" if row.a12 < 0.5 else "win"
-        if p_equal < SIGNIFICANCE.level:
+        if p_equal < LEVEL:
             verdict = f"{verdict}, within margin" if verdict != "undecided" else "equal"
         decided.append(replace(row, p_holm=float(p), p_equal_holm=float(p_equal), verdict=verdict))
     grades = ["loss", "loss, within margin", "undecided", "equal", "win, within margin", "win"]

@@ -3,13 +3,9 @@
     python -m studies.benchmarks.directional_maxima [--quick] [--seeds N] [--refined N] [--cluster ADDRESS]
                                                    [--json FILE]
 
-``DirectionalMaxima`` by joint motors and by sliders, with power, forces or a user's objective against speeds, forces
-against each other, and an arm of seven joints in space. Peers are pymoo's NSGA-II, NSGA-III and SMS-EMOA with their
-defaults, the same first genes and equal evaluations. Fronts are judged as in ``benchmarks.maximin``: hypervolume
-(reference 1.1), IGD+ and additive epsilon, normalised by the union of all fronts, certified ones included.
-``pk.solve(refine=True)`` is compared with the best of these, with fewer seeds, since it takes longer. Its rows say how
-many points are certified minima, and how far their greatest speeds and forces are from directional maxima, which bound
-them.
+Peers have pymoo's defaults, the same first genes and equal evaluations; fronts are judged as in ``benchmarks.maximin``,
+certified ones included. ``pk.solve(refine=True)`` is compared with the best of these, with fewer seeds. Its rows say
+how many points are certified minima, and how far their greatest values are from directional maxima, which bound them.
 """
 
 from __future__ import annotations
@@ -19,6 +15,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from typing import Any
 
 import numpy as np
 from pymoo.optimize import minimize
@@ -27,8 +24,7 @@ import paretoik as pk
 from paretoik.arrays import Objectives
 from paretoik.search.genes import seeded_population
 from problems import kim_2021
-from studies.benchmarks.maximin.cases import POPULATION
-from studies.benchmarks.maximin.runs import OURS, pymoo_algorithm
+from studies.benchmarks.maximin import OURS, POPULATION, pymoo_algorithm
 from studies.processes import run_each, workers_of
 from studies.reporting import Row, report, study_parser
 from studies.significance import MARGIN, compare, comparison_row, decide, scores
@@ -39,21 +35,10 @@ TABLE, CERTIFIED, COST = "MaxiMin beside pymoo, medians", "fronts that are refin
 WAN = ([0.5, 0.3, -0.2], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # m, and directions
 
 
-def _manipulable() -> pk.DirectionalMaxima:
-    return pk.DirectionalMaxima(
-        pk.arms.kim_3r(),
-        pk.capability.kim_sliders(),
-        kim_2021.PLACE,
-        kim_2021.WAYS,
-        power=False,
-        objectives=[pk.manipulability],
-    )
-
-
-def _strong() -> pk.DirectionalMaxima:
-    return pk.DirectionalMaxima(
-        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), kim_2021.PLACE, kim_2021.WAYS, quantity="force"
-    )
+def _kim(motors: str, **settings: Any) -> pk.DirectionalMaxima:
+    """Return postures of Kim's arm at its place, by its "joint_motors" or "sliders"."""
+    actuation = getattr(pk.capability, f"kim_{motors}")()
+    return pk.DirectionalMaxima(pk.arms.kim_3r(), actuation, kim_2021.PLACE, kim_2021.WAYS, **settings)
 
 
 def _spatial() -> pk.DirectionalMaxima:
@@ -64,8 +49,8 @@ def _spatial() -> pk.DirectionalMaxima:
 CASES: dict[str, Callable[[], pk.DirectionalMaxima]] = {
     "joint motors: speeds, power": kim_2021.directions_jam,
     "sliders: speeds, power": kim_2021.directions_dam,
-    "sliders: speeds, manipulability": _manipulable,
-    "joint motors: forces": _strong,
+    "sliders: speeds, manipulability": partial(_kim, "sliders", power=False, objectives=[pk.manipulability]),
+    "joint motors: forces": partial(_kim, "joint_motors", quantity="force"),
     "sliders: speed, force": kim_2021.speed_force_dam,
     "seven joints in space: speeds": _spatial,
 }
@@ -97,15 +82,11 @@ def run(case: str, name: str, seed: int) -> Run:
     begun = time.process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the peers' own warnings about divisions
-        result = minimize(problem, _algorithm(name, problem.n_obj, first), ("n_gen", GENERATIONS), seed=seed)
+        ours = pk.MaxiMinNSGA2(pop_size=size, sampling=first)
+        method = ours if name == OURS else pymoo_algorithm(name, problem.n_obj, first)
+        result = minimize(problem, method, ("n_gen", GENERATIONS), seed=seed)
     F = np.empty((0, problem.n_obj)) if result.F is None else np.atleast_2d(result.F)
     return Run(F=F, seconds=time.process_time() - begun)
-
-
-def _algorithm(name: str, n_obj: int, first: np.ndarray) -> object:
-    if name == OURS:
-        return pk.MaxiMinNSGA2(pop_size=len(first), sampling=first)
-    return pymoo_algorithm(name, n_obj, first)
 
 
 def judge(runs: dict[tuple[str, str], list[Run]], cases: Sequence[str]) -> list[Row]:
@@ -170,8 +151,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows = judge(runs, cases)
     rows += [row for case in cases for row in certified_rows(case, problem_of(case), runs[case, REFINED])]
     for (case, name), members in runs.items():
-        seconds = float(np.median([one.seconds for one in members]))
-        rows.append(Row(COST, case, name, "s", seconds))
+        rows.append(Row(COST, case, name, "s", float(np.median([one.seconds for one in members]))))
     report(rows, json_file=options.json)
 
 

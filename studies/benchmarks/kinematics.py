@@ -1,8 +1,7 @@
 """Robot kernels and a Python loop over Pinocchio on equal samples: ``python -m studies.benchmarks.kinematics``.
 
-Both sides get contiguous joint arrays and keep every result. The best of several rounds counts; rounds alternate, so
-that a busy machine slows both alike. Further rows time both objectives of a batch of
-motions from their samples, differences included.
+Both sides get contiguous joint arrays and keep every result. The best of several rounds counts; rounds alternate.
+Further rows time both objectives of a batch of motions from their samples, differences included.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import kinetic_energy, torque_norm
 from problems.panda import panda
-from studies.reporting import Row, report, study_parser
+from studies.reporting import Row, goal_row, report, study_parser
 
 MOTIONS, SAMPLES = 200, 101
 BATCH = f"{MOTIONS} motions × {SAMPLES} samples"
@@ -68,11 +67,10 @@ def contest_rows(label: str, arm: Arm, goal: float, rounds: int) -> list[Row]:
 
     ours, peer = best_times([lambda: inverse_dynamics(arm, q, dq, ddq), loop], rounds)
     table, speed = f"inverse dynamics, {BATCH}", MOTIONS * SAMPLES / 1e6
-    note = "goal met" if peer / ours >= goal else "goal missed"
     return [
         Row(table, label, "ours", "M samples/s", speed / ours),
         Row(table, label, "Pinocchio loop", "M samples/s", speed / peer),
-        Row(table, label, "ratio", "", peer / ours, reference=goal, source="goal", note=note),
+        goal_row(table, label, "ratio", "", peer / ours, goal, least=True),
     ]
 
 
@@ -86,9 +84,7 @@ def motion_row(label: str, arm: Arm, goal: float, rounds: int) -> Row:
         return [kinetic_energy(motion), torque_norm(motion)]
 
     taken = 1e3 * best_times([evaluate], rounds)[0]
-    note = "goal met" if taken <= goal else "goal missed"
-    table = f"evaluating {BATCH} with both objectives"
-    return Row(table, label, "time", "ms", taken, reference=goal, source="goal", note=note)
+    return goal_row(f"evaluating {BATCH} with both objectives", label, "time", "ms", taken, goal)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -3,8 +3,7 @@
     python -m studies.benchmarks.planted_faults [--quick] [--tested] [--json FILE]
 
 Each fault changes one expression of a copy of this checkout. The default tests of the fault's own folder must then
-fail. Every folder is first tested without a fault, so that a failure means something; ``--tested`` leaves this out if
-the default tests have just passed. The test that fails is named.
+fail. Every folder is first tested without a fault; ``--tested`` leaves this out if the default tests have just passed.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from studies.benchmarks.checkouts import ROOT
-from studies.reporting import Row, report, study_parser, tell
+from studies.reporting import goal_row, report, study_parser, tell
 
 
 class Fault(NamedTuple):
@@ -121,7 +120,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             tell(f"{'LOST' if passes else 'caught'}: {which}")
             name = f"{fault.file}: {fault.before.strip()} → {fault.after.strip() or 'nothing'}"
             table = "planted faults, caught by the default tests of their own folder"
-            rows.append(Row(table, name, "caught", "", float(not passes), reference=1.0, source="goal", note=which))
+            rows.append(goal_row(table, name, "caught", "", float(not passes), 1.0, which, least=True))
     report(rows, json_file=options.json)
     print(f"{int(sum(row.ours for row in rows))} of {len(rows)} caught")
 

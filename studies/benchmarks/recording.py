@@ -1,14 +1,11 @@
 """Cost, size and memory of a recording: ``python -m studies.benchmarks.recording [--memory] [--quick] [--json FILE]``.
 
-A search of DTLZ2 with 200 individuals and four objectives, whose front has up to 20,000 points, runs alternately with
-and without a recording, each time in a process of its own and with a folder. The recording's share is of the run's
-processor time. It counts everything that the run does only for the recording until it is finished: the run starts it,
-collects what it shows, packs and sends it. Clock seconds are without those for completing the file; on a busy machine
-they vary, and so do their ratios.
+A search of DTLZ2 with 200 individuals and four objectives runs alternately with and without a recording, in processes
+of their own and with a folder. The recording's share is of the run's processor time: everything that the run does only
+for it. Clock seconds are without those for completing the file.
 
-``--memory`` runs ``problems/tringali_2020.py:energy_torque`` with 400 individuals for 20 and for 2,000 generations,
-each recorded, with a folder and in a process of its own. It does not stop when the front stagnates. Measured is the
-largest resident memory of the run and of the recording process, until each ends: completing the file included.
+``--memory`` runs ``energy_torque`` with 400 individuals for 20 and for 2,000 generations, recorded. Measured is the
+largest resident memory of the run and of the recording process, completing the file included.
 """
 
 from __future__ import annotations
@@ -22,9 +19,10 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from studies.benchmarks.checkouts import ROOT
-from studies.reporting import Row, report, study_parser, tell
+from studies.reporting import Row, goal_row, losses_first, report, study_parser, tell
 
 PROCESSES = Path("/proc")  # Linux
 RECORDER = "paretoik.review.recording_child"
@@ -39,24 +37,23 @@ class PeakMemory:
     recorder: int = 0
 
 
-def run_watched(command: Sequence[str]) -> tuple[str, PeakMemory]:
-    """Run a command at the root of this checkout; return its output and its peaks.
+def run_watched(command: Sequence[str]) -> PeakMemory:
+    """Run a command at the root of this checkout; return its peaks.
 
     Raises subprocess.CalledProcessError if the command fails.
     """
     peak = PeakMemory()
-    with tempfile.TemporaryFile("w+", encoding="utf-8") as output:  # an unread pipe would fill up
-        child = subprocess.Popen(command, cwd=ROOT, stdout=output)
-        while child.poll() is None:
-            peak.run = max(peak.run, _peak_of(child.pid))
-            for other in _children(child.pid):
-                if RECORDER in _command_line(other):
+    child = subprocess.Popen(command, cwd=ROOT)
+    while child.poll() is None:
+        peak.run = max(peak.run, _peak_of(child.pid))
+        for other in _children(child.pid):
+            with suppress(OSError):
+                if RECORDER in (PROCESSES / str(other) / "cmdline").read_text(errors="replace"):
                     peak.recorder = max(peak.recorder, _peak_of(other))
-            time.sleep(INTERVAL)
-        if child.returncode:
-            raise subprocess.CalledProcessError(child.returncode, command)
-        output.seek(0)
-        return output.read(), peak
+        time.sleep(INTERVAL)
+    if child.returncode:
+        raise subprocess.CalledProcessError(child.returncode, command)
+    return peak
 
 
 def _peak_of(process: int) -> int:
@@ -75,13 +72,6 @@ def _children(process: int) -> list[int]:
             with suppress(OSError):
                 children += [int(child) for child in (thread / "children").read_text().split()]
     return children
-
-
-def _command_line(process: int) -> str:
-    """Return the command line of a process, empty after its end."""
-    with suppress(OSError):
-        return (PROCESSES / str(process) / "cmdline").read_text(errors="replace").replace("\0", " ")
-    return ""
 
 
 MEGABYTE = 1e6
@@ -123,74 +113,35 @@ problem = get_problem("dtlz2", n_var=13, n_obj=4)
 pk.solve(problem, population=200, generations=2, seed=1, observe=False)  # loads and compiles
 spent.clear()
 clock, processor = time.perf_counter(), time.process_time()
-front = pk.solve(
+pk.solve(
     problem, population=200, generations=generations, seed=1, stagnation=False, observe=False, out=out, overwrite=True
 )
 print(json.dumps({
     "clock": time.perf_counter() - clock - finishing, "processor": time.process_time() - processor,
-    "finishing": finishing, "recording": sum(spent), "longest": longest,
+    "recording": sum(spent), "longest": longest,
     "size": Path(out, "review.rrd").stat().st_size if records else 0,
-    "front": front.objectives.tolist(),
 }))
 """
 GOALS = {"size": 50.0, "overhead": 2.0, "memory": 1.5}  # MB; % of a run; ratio
 SHORT, LONG, QUICK = 20, 2000, 100  # generations
 
 
-@dataclass(frozen=True, kw_only=True)
-class Cost:
-    """A run: seconds of clock and processor, those of the recording and of finishing the file; sizes [bytes]; front.
-
-    ``peak`` is the memory of the run and of the recording process, until both end.
-    """
+class Cost(NamedTuple):
+    """A run: seconds of clock and processor, those of the recording; sizes of its file [bytes], at its largest too."""
 
     clock: float
     processor: float
     recording: float
-    finishing: float
     size: int
     longest: int
-    peak: PeakMemory
-    front: list[list[float]]
 
 
 def run(generations: int, *, records: bool) -> Cost:
     """Return the cost of a run with a folder in a process of its own, with or without a recording."""
     with tempfile.TemporaryDirectory() as folder:
-        printed, peak = run_watched([sys.executable, "-c", RUN, str(generations), folder, str(records)])
-        return Cost(**json.loads(printed.splitlines()[-1]), peak=peak)
-
-
-def recording_rows(generations: int, pairs: Sequence[tuple[Cost, Cost]]) -> list[Row]:
-    """Return the rows of runs without and with a recording, those that miss their goal first."""
-
-    def row(
-        column: str, unit: str, ours: float, reference: float | None = None, source: str = "", note: str = ""
-    ) -> Row:
-        name = f"{generations} generations of 200 × 4"
-        return Row("recording", name, column, unit, ours, reference=reference, source=source, note=note)
-
-    without, recorded = zip(*pairs, strict=True)
-    calm, busy = min(each.clock for each in without), min(each.clock for each in recorded)
-    share = 100 * max(each.recording / each.processor for each in recorded)
-    largest = max(max(each.size, each.longest) for each in recorded) / MEGABYTE
-    same = all(one.front == other.front for one, other in pairs)
-    first = recorded[0]
-    ratios = ", ".join(f"{other.clock / one.clock:.3f}" for one, other in pairs)
-    goals = [
-        row("share of the run's processor time", "%", share, GOALS["overhead"], "goal"),
-        row("file at its largest", "MB", largest, GOALS["size"], "goal", f"{first.size / MEGABYTE:.3g} MB at the end"),
-    ]
-    others = [
-        row("time with a recording", "s", busy, calm, "without", f"best of {len(pairs)}; ratios {ratios}"),
-        row("processor time with a recording", "s", first.processor, without[0].processor, "without"),
-        row("recording a generation", "ms", 1e3 * first.recording / generations),
-        row("completing the file", "s", first.finishing),
-        row("memory of the run", "MB", first.peak.run / MEGABYTE, without[0].peak.run / MEGABYTE, "without"),
-        row("memory of the process that records", "MB", first.peak.recorder / MEGABYTE, note="completing the file too"),
-        row("same front", "", float(same), 1.0, "goal", "to the bit, of the same seed"),
-    ]
-    return [*sorted(goals, key=lambda each: each.ours <= (each.reference or 0.0)), *others]
+        command = [sys.executable, "-c", RUN, str(generations), folder, str(records)]
+        printed = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout
+        return Cost(**json.loads(printed.splitlines()[-1]))
 
 
 LONG_RUN = """
@@ -212,7 +163,7 @@ def memory_rows(long: int) -> list[Row]:
         tell(f"{generations:,} generations")
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder, "run")
-            peaks.append(run_watched([sys.executable, "-c", LONG_RUN, str(generations), str(out)])[1])
+            peaks.append(run_watched([sys.executable, "-c", LONG_RUN, str(generations), str(out)]))
             recording = (out / "review.rrd").stat().st_size
     short, other = peaks
     processes = (
@@ -241,7 +192,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
             order = (False, True) if turn % 2 == 0 else (True, False)
             costs = {records: run(generations, records=records) for records in order}
             pairs.append((costs[False], costs[True]))
-        rows += recording_rows(generations, pairs)
+        # The rows of runs without and with a recording, those that miss their goal first
+        place = "recording", f"{generations} generations of 200 × 4"
+        without, recorded = zip(*pairs, strict=True)
+        calm, busy = min(each.clock for each in without), min(each.clock for each in recorded)
+        share = 100 * max(each.recording / each.processor for each in recorded)
+        largest = max(max(each.size, each.longest) for each in recorded) / MEGABYTE
+        note = f"best of {len(pairs)}; ratios {', '.join(f'{other.clock / one.clock:.3f}' for one, other in pairs)}"
+        at_end = f"{recorded[0].size / MEGABYTE:.3g} MB at the end"
+        goals = [
+            goal_row(*place, "share of the run's processor time", "%", share, GOALS["overhead"]),
+            goal_row(*place, "file at its largest", "MB", largest, GOALS["size"], at_end),
+        ]
+        time = Row(*place, "time with a recording", "s", busy, reference=calm, source="without", note=note)
+        rows += [*losses_first(goals), time]
     report(rows, json_file=options.json)
 
 

@@ -1,11 +1,10 @@
-"""Costs and gains by a change of the library: ``python -m studies.benchmarks.refactoring --before DIR``.
-
-Every case runs on another checkout and on this one, in alternating processes. The first run of a process, which
-compiles or loads compiled code, is not counted; of the others the least processor time counts. Values are compared with
-the other checkout's; smaller is better unless they are named in ``MAXIMISED``. A worse value is a loss, and so is more
-than 1.05 times the seconds, whatever reason a note gives.
+"""Costs and gains by a change of the library.
 
     python -m studies.benchmarks.refactoring --before DIR [--cases NAME ...] [--rounds N] [--json FILE]
+
+Every case runs on another checkout and on this one, in alternating processes. The first run of a process, which
+compiles, is not counted; of the others the least processor time counts. A worse value is a loss, and so is more than
+1.05 times the seconds. Smaller values are better unless they are named in ``MAXIMISED``.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ import numpy as np
 from rich.console import Console
 
 from studies.benchmarks.checkouts import ROOT, run_in
-from studies.reporting import Row, report
+from studies.reporting import LOSS, Row, goal_row, losses_first, report
 
 TABLE = "this checkout beside the one before"
 GOAL = 1.05  # times the seconds before
@@ -90,10 +89,7 @@ STARTS = {
 EXACT = """
 loop = marcos_2012.loop(3, 0.7, blocked={blocked}, steps=400, start=np.array({start}), as_printed=True)
 task = loop.task
-try:
-    from studies.marcos_2012.exact_loop import exact_steps
-except ImportError:
-    from paretoik.closed_loop.exact_loop import exact_steps
+from studies.marcos_2012.exact_loop import exact_steps
 follow = lambda: exact_steps(task.truncate(100), loop.start, weight=0.5)
 def run():
     return dict(zip(("joint 1", "joint 2", "joint 3"), follow().sum(axis=0)))
@@ -233,11 +229,9 @@ def tabulate(name: str, case: Case, results: Mapping[str, Mapping[str, Any]]) ->
     notes = [f"{seconds:.3g} against {reference:.3g} s", *(words for words, _ in values)]
     if case.reason and now["values"] != before["values"]:
         notes.append(case.reason)
-    if seconds > GOAL * reference or any(worse for _, worse in values):
-        notes.insert(0, "LOSS")
-    return Row(
-        TABLE, name, "times the seconds", "", seconds / reference, reference=GOAL, source="goal", note="; ".join(notes)
-    )
+    if any(worse for _, worse in values):
+        notes.insert(0, LOSS)
+    return goal_row(TABLE, name, "times the seconds", "", seconds / reference, GOAL, "; ".join(notes))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -256,10 +250,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
             try:
                 results = run_case(CASES[name], checkouts, Path(caches), settings.rounds)
             except RuntimeError as error:
-                rows.append(Row(TABLE, name, "failed", "", np.nan, note=f"LOSS; {error}"))
+                rows.append(Row(TABLE, name, "failed", "", np.nan, note=f"{LOSS}{error}"))
             else:
                 rows.append(tabulate(name, CASES[name], results))
-    report(sorted(rows, key=lambda row: not row.note.startswith("LOSS")), json_file=settings.json)
+    report(losses_first(rows), json_file=settings.json)
 
 
 if __name__ == "__main__":

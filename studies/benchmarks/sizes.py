@@ -1,9 +1,7 @@
 """Size and order of the library: ``python -m studies.benchmarks.sizes [--before DIR] [--json FILE]``.
 
-It counts lines and lines of code (statements only) of every package, and what has a budget: files, long and short
-files, long functions, functions with many parameters (public ones and commands aside), files with one importer, private
-functions used once, circles of imports (those inside functions and for type checks count too), constants, public names.
-``--before`` adds the counts of another checkout.
+It counts lines and lines of code (statements only) of every package, and what has a budget. Functions with many
+parameters: public ones and commands aside. Circles: imports inside functions and for type checks count too.
 """
 
 from __future__ import annotations

@@ -1,13 +1,11 @@
 """Every URDF of public packages against Pinocchio: ``python -m studies.benchmarks.urdf [--packages NAME ...]``.
 
 Chains run from the root to the leaves and between random links, with random joints fixed. On each, the arm is compared
-with Pinocchio's model of the whole file, which gets the same joint values: position and rotation of **every link of the
-file, by its name**, in the base link; gravity torques; inverse dynamics. Errors are in m, entries of a rotation, and
-shares of the largest torque (at least 1 N m) of a chain. Refused chains are counted by their reason; a disagreement is
-a chain for which ``check_robot`` lists other faults than those that ``Arm.from_urdf`` refuses.
-
-Impossible inertias are repaired if nothing else is wrong. The chain is then compared without its inverse dynamics,
-since Pinocchio computes with the written ones. Inertias that ours take as 0 off the chain are 0 for Pinocchio, too.
+with Pinocchio's model of the whole file: position and rotation of **every link of the file, by its name**, in the base
+link; gravity torques; inverse dynamics. Errors are in m, entries of a rotation, and shares of the largest torque (at
+least 1 N m) of a chain. A disagreement is a chain for which ``check_robot`` lists other faults than those that
+``Arm.from_urdf`` refuses. Chains with repaired inertias are compared without inverse dynamics, since Pinocchio computes
+with the written ones.
 """
 
 from __future__ import annotations
@@ -26,7 +24,7 @@ import numpy as np
 import paretoik as pk
 from paretoik.errors import InvalidRobot
 from paretoik.robot.dynamics import gravity_torques, inverse_dynamics
-from studies.reporting import Row, report, study_parser, tell
+from studies.reporting import Row, goal_row, report, study_parser, tell
 
 PACKAGES = ("example-robot-data", "dexmate-urdf", "pybullet")
 QUANTITIES = {"position": "m", "rotation": "", "gravity torque": "share", "inverse dynamics": "share"}
@@ -261,8 +259,8 @@ def tally_rows(name: str, tally: Tally) -> list[Row]:
     rows = [Row(table, name, column, "", value) for column, value in counts.items()]
     for quantity, unit in QUANTITIES.items():
         worst, note = tally.errors[quantity], tally.worst.get(quantity, "")
-        rows.append(Row(table, name, f"worst {quantity}", unit, worst, reference=GOAL, source="goal", note=note))
-    rows.append(Row(disagree, name, "disagreements", "", tally.disagreements, reference=0, source="goal"))
+        rows.append(goal_row(table, name, f"worst {quantity}", unit, worst, GOAL, note))
+    rows.append(goal_row(disagree, name, "disagreements", "", tally.disagreements, 0))
     return rows + [Row("refused chains", name, reason, "", count) for reason, count in tally.refusals.most_common()]
 
 

@@ -13,14 +13,7 @@ import numpy as np
 
 from paretoik.runs.distribution import Executor
 from studies.kim_2021.energies import posture_rows, postures, table_4
-from studies.kim_2021.fronts import (
-    MECHANISMS,
-    drawn_fronts,
-    race_fronts,
-    race_rows,
-    time_energy,
-    time_energy_rows,
-)
+from studies.kim_2021.fronts import MECHANISMS, drawn_fronts, race_fronts, race_rows, time_energy, time_energy_rows
 from studies.kim_2021.maxima import all_surrogates, polygon_rows, polygons, surrogate_rows
 from studies.kim_2021.one_posture import all_cases, drawn_postures, one_posture_rows
 from studies.kim_2021.pictures import draw

@@ -7,6 +7,7 @@ that do not jump, and, as in its models, the directional maxima themselves, whic
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -14,15 +15,8 @@ from jaxtyping import Float
 import paretoik as pk
 from paretoik.capability.joint_capability import joint_speeds
 from paretoik.robot.dynamics import gravity_torques
-from studies.kim_2021.maxima import ENERGY_UNPRINTED, MECHANISMS, POSITIONS, actuation_of, beside_paper, paper
-from studies.kim_2021.postures import (
-    Mechanism,
-    Profile,
-    evenly,
-    lasting,
-    resolved,
-    wrap_angles,
-)
+from studies.kim_2021.maxima import ENERGY_UNPRINTED, MECHANISMS, actuation_of, beside_paper, paper
+from studies.kim_2021.postures import Mechanism, Profile, evenly, resolved
 from studies.kim_2021.trajectories import Trajectory
 from studies.reporting import Row
 
@@ -58,36 +52,21 @@ class Driven:
         return energies
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Postures:
-    """A mechanism's ways along its trajectory: ``soonest`` without a jump, and ``maxima`` that jump.
-
-    ``following`` [s] is the time to pass through all maximising postures, ``straight`` [s] the soonest time on the
-    straight line.
-    """
+class Postures(NamedTuple):
+    """A mechanism's ways along its trajectory: ``soonest`` without a jump, and ``maxima`` that jump."""
 
     mechanism: str
     soonest: Profile
     driven: Driven
     maxima: Driven
-    following: float
-    straight: float
 
 
 def postures(one: Trajectory, *, pieces: int, cell: float) -> Postures:
     """Return the postures of a mechanism along its trajectory, by a grid of pieces, made four times finer."""
     mechanism = Mechanism(arm=pk.arms.kim_3r(), actuation=actuation_of(one.mechanism))
-    straight = np.stack([POSITIONS["p4"], POSITIONS["p6"]])
-    soonest, other = (resolved(mechanism, path, pieces=pieces, cell=cell) for path in (one.path, straight))
-    maxima, following = along_maxima(mechanism, evenly(one.path, 4 * pieces))
-    return Postures(
-        mechanism=one.mechanism,
-        soonest=soonest,
-        driven=along_profile(mechanism, soonest),
-        maxima=maxima,
-        following=following,
-        straight=float(other.times[-1]),
-    )
+    soonest = resolved(mechanism, one.path, pieces=pieces, cell=cell)
+    maxima = along_maxima(mechanism, evenly(one.path, 4 * pieces))
+    return Postures(one.mechanism, soonest, along_profile(mechanism, soonest), maxima)
 
 
 def along_profile(mechanism: Mechanism, profile: Profile) -> Driven:
@@ -114,26 +93,21 @@ def along_profile(mechanism: Mechanism, profile: Profile) -> Driven:
     return Driven(lasting=seconds, q=q, efforts=efforts, speeds=speeds, sliders=np.stack([front, back], axis=1))
 
 
-def along_maxima(mechanism: Mechanism, points: Float[np.ndarray, "n 2"]) -> tuple[Driven, float]:
-    """Return the motors' work in the maximising postures, and the time to pass through all of these [s]."""
+def along_maxima(mechanism: Mechanism, points: Float[np.ndarray, "n 2"]) -> Driven:
+    """Return the motors' work in the maximising postures."""
     change, middle = np.diff(points, axis=0), (points[1:] + points[:-1]) / 2
     maxima = [
         pk.directional_maxima(mechanism.arm, mechanism.actuation, place, way[None])
         for place, way in zip(middle, change, strict=True)
     ]
     seconds = np.linalg.norm(change, axis=1) / np.array([each.values[0] for each in maxima])
-    q = np.array([each.q[0] for each in maxima])
-    capability = joint_speeds(mechanism.actuation, q, gravity_torques(mechanism.arm, q))
-    slowness = 1.0 / np.stack([-capability.low, capability.high])
-    turned = lasting(wrap_angles(np.diff(q, axis=0)), slowness[:, :-1], slowness[:, 1:])
-    driven = Driven(
+    return Driven(
         lasting=seconds,
-        q=q,
+        q=np.array([each.q[0] for each in maxima]),
         efforts=np.stack([each.motor_efforts[0] for each in maxima]),
         speeds=np.stack([each.motor_speeds[0] for each in maxima]),
         sliders=None if maxima[0].sliders is None else np.stack([each.sliders[0] for each in maxima]),  # type: ignore[index]  # all or none
     )
-    return driven, float(turned.max(axis=1).sum() + seconds[[0, -1]].sum() / 2)
 
 
 def posture_rows(by_mechanism: dict[str, Postures], trajectories: dict[str, Trajectory]) -> list[Row]:
@@ -143,17 +117,10 @@ def posture_rows(by_mechanism: dict[str, Postures], trajectories: dict[str, Traj
         claimed, possible, soonest = trajectories[name].run.arrival, trajectories[name].possible, one.soonest.times[-1]
         prefix = "LOSS: " if soonest > 1.01 * claimed else ""
         note = f"{prefix}{100 * (soonest / claimed - 1):+.1f} % relative to the arrival by ellipses, {claimed:.4g} s"
-        fast = np.rad2deg(np.abs(np.diff(one.maxima.q, axis=0) / one.maxima.lasting[1:, None])).max(axis=0)
-        turning = (
-            f"one after the other; to keep up, joints would turn at up to {', '.join(f'{v:.0f}' for v in fast)} °/s"
-        )
-        entries = [
-            ("soonest, postures do not jump", soonest, note),
-            ("by exact maxima, postures free to jump", possible, ""),
-            ("through the maximising postures", one.following, turning),
-            ("soonest on the straight line", one.straight, "postures do not jump"),
+        rows += [
+            beside_paper((SOONEST, name, "soonest, postures do not jump"), "s", soonest, note),
+            beside_paper((SOONEST, name, "by exact maxima, postures free to jump"), "s", possible),
         ]
-        rows += [beside_paper((SOONEST, name, column), "s", value, note) for column, value, note in entries]
     first, second = (by_mechanism[name].soonest.times[-1] for name in MECHANISMS)
     prefix = "LOSS: DAM is later" if second > first else ""
     return [*rows, beside_paper((SOONEST, "DAM beside JAM", "soonest"), "%", 100 * (second / first - 1), prefix)]

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -44,8 +44,7 @@ ENDS = ((1.0, 1e-2), (1e-3, 10.0))  # weights of seconds and joules for the race
 SAME = 1e-5  # relative difference within which optima are the same: IPOPT relaxes limits by 1e-8
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TimeEnergy:
+class TimeEnergy(NamedTuple):
     """A mechanism's certified front, and the least time of its soonest tool path by maxima of an instant [s].
 
     ``within`` [J] is the least work found in no more than the paper's time, NaN without any. Timed on a fine grid,
@@ -61,8 +60,7 @@ class TimeEnergy:
     overload: Float[np.ndarray, " points"]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Race:
+class Race(NamedTuple):
     """The results of starts at both ends, ours and IPOPT's: weighted sums and seconds (ends, starts).
 
     Sums are NaN if a search failed; ``gained`` (points,) is IPOPT's gain from the points of our front.
@@ -122,7 +120,7 @@ def race_fronts(one: TimeEnergy, *, starts: int, samples: int) -> Race:
     for row, value in zip(np.array(one.front.genes), one.front.objectives, strict=True):
         _, values, success = program.solved(program.start(row), ENDS[1], value[0])
         gained.append(max(0.0, 1.0 - values[1] / value[1]) if success else 0.0)
-    return Race(name=one.name, ours=sums[0], theirs=sums[1], seconds=seconds, gained=np.array(gained))
+    return Race(one.name, sums[0], sums[1], seconds, np.array(gained))
 
 
 def race_rows(one: Race) -> list[Row]:
@@ -132,10 +130,8 @@ def race_rows(one: Race) -> list[Row]:
         ours, theirs = one.ours[e], one.theirs[e]
         best = np.nanmin(np.concatenate([ours, theirs]))
         worse = float(np.nanmin(ours) / best - 1.0)
-        ended = (
-            f"of {len(ours)} starts {np.isfinite(ours).sum()} end, IPOPT's {np.isfinite(theirs).sum()}; the best of "
-        )
-        reached = f"all is reached by {np.sum(ours <= best * (1 + SAME))} and {np.sum(theirs <= best * (1 + SAME))}"
+        ended = f"of {len(ours)} starts {np.isfinite(ours).sum()} end, IPOPT's {np.isfinite(theirs).sum()}; the best "
+        reached = f"of all is reached by {np.sum(ours <= best * (1 + SAME))} and {np.sum(theirs <= best * (1 + SAME))}"
         prefix = "LOSS: " if worse > SAME else ""
         rows.append(row(f"{what}: our best above the best of both", "", worse, note=prefix + ended + reached))
         mine, other = 1e3 * np.median(one.seconds[:, e], axis=1)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -51,8 +51,7 @@ WAYS = 32  # twice the paper's: a safe fit needs many
 EQUAL = 1e-9  # share of a speed: smaller gains do not count
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Polygons:
+class Polygons(NamedTuple):
     """The speeds of both mechanisms from one position."""
 
     name: str
@@ -68,12 +67,12 @@ class Polygons:
 
 def polygons(directions: int = DIRECTIONS) -> list[Polygons]:
     """Return both polygons at the nine positions."""
-    arm = pk.arms.kim_3r()
-    pairs = []
-    for name, position in POSITIONS.items():
-        jam, dam = (pk.directional_maxima(arm, actuation_of(each), position, directions) for each in MECHANISMS)
-        pairs.append(Polygons(name=name, jam=jam, dam=dam))
-    return pairs
+    return [
+        Polygons(
+            name, *(pk.directional_maxima(pk.arms.kim_3r(), actuation_of(each), at, directions) for each in MECHANISMS)
+        )
+        for name, at in POSITIONS.items()
+    ]
 
 
 def polygon_rows(pairs: list[Polygons]) -> list[Row]:
@@ -103,8 +102,7 @@ def polygon_rows(pairs: list[Polygons]) -> list[Row]:
 Maxima = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Surrogates:
+class Surrogates(NamedTuple):
     """A mechanism's models by name, and the maxima that judge them."""
 
     mechanism: str
@@ -136,9 +134,6 @@ def all_surrogates(*, count: int) -> dict[str, Surrogates]:
         models: dict[str, PolynomialEllipsoids | AxesEllipses] = {
             "ellipsoids": fit_ellipsoids(*seen),
             "ellipsoids, safe": fit_ellipsoids(*seen, safe=True),
-            "ellipsoids, degree 4": fit_ellipsoids(*seen, degree=4),
-            "ellipsoids, nine positions": fit_ellipsoids(*nine),
-            "(a, b, c), grid": fit_axes(*seen),
             AS_PAPER: fit_axes(*nine),
         }
         unseen = sample_maxima(mechanism, grid(count, between=True), turned=True)

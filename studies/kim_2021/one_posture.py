@@ -8,9 +8,9 @@ gradients.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -37,8 +37,7 @@ POPULATION, GENERATIONS = 60, 30
 NEAR = 1e-9  # IPOPT's tolerance
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class OnePosture:
+class OnePosture(NamedTuple):
     """The certified front of a mechanism and case, its directional maxima (2,), and IPOPT's gains (points,).
 
     ``gained`` is a share of the second objective, with no less of the first, NaN if IPOPT ends at no optimum.
@@ -68,7 +67,7 @@ def one_posture(mechanism: str, case: str, *, points: int) -> OnePosture:
     for genes, (first, second) in zip(np.array(front.genes), front.objectives, strict=True):
         value, success = program.solved(program.start_at(problem, genes), PLACE, ways, first)
         gained.append(value / second - 1.0 if success else np.nan)
-    return OnePosture(name=f"{mechanism}, {case}", front=front, maxima=np.concatenate(each), gained=np.array(gained))
+    return OnePosture(f"{mechanism}, {case}", front, np.concatenate(each), np.array(gained))
 
 
 def one_posture_rows(one: OnePosture) -> list[Row]:

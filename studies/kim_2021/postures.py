@@ -105,14 +105,6 @@ def minimum_timing(
     return Profile(points=points, angles=angles, elbows=elbows, q=q, torque=known.torque[:, 0], times=times)
 
 
-def refine_profile(mechanism: Mechanism, known: Profile, points: Float[np.ndarray, "n 2"]) -> Profile:
-    """Return a profile on more points of its path, evenly between its own, the last link's angle linear between."""
-    count = len(known.angles)
-    places = np.linspace(0, count - 1, len(points))
-    angles = np.interp(places, np.arange(count), np.unwrap(known.angles))
-    return minimum_timing(mechanism, points, angles, known.elbows[np.round(places).astype(int)])
-
-
 def evenly(points: Float[np.ndarray, "n 2"], pieces: int) -> Float[np.ndarray, "m 2"]:
     """Return points of a path at equal distances along it."""
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
@@ -159,7 +151,12 @@ def resolved(
     fine, profiles = evenly(path, 4 * pieces), []
     for first in dict.fromkeys((price, EASY)):  # if work counts for little, the grid has too many ties
         coarse = continuous(mechanism, evenly(path, pieces), cell=cell, price=first)
-        start = improve_profile(mechanism, refine_profile(mechanism, coarse, fine), first)
+        # on more points, evenly between those of the grid, the last link's angle linear between
+        count = len(coarse.angles)
+        places = np.linspace(0, count - 1, len(fine))
+        angles = np.interp(places, np.arange(count), np.unwrap(coarse.angles))
+        finer = minimum_timing(mechanism, fine, angles, coarse.elbows[np.round(places).astype(int)])
+        start = improve_profile(mechanism, finer, first)
         profiles.append(start if first == price else improve_profile(mechanism, start, price))
     return min(profiles, key=lambda one: _whole(one, price))
 

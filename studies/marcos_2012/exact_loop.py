@@ -17,7 +17,6 @@ from paretoik.closed_loop.loop import required_standoff, step_limits
 from paretoik.closed_loop.programs import StepConstraints, StepStart, allocate, bounding_ball, tabulate, trace_nodes
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.inputs import check_size, finite_array, shown
-from paretoik.robot.arm import Arm
 from paretoik.task.motion_task import MotionTask
 from studies.marcos_2012.exact_step import best_steps
 from studies.marcos_2012.null_space_steps import PlanarSteps
@@ -141,22 +140,16 @@ def planar_steps(
 
 def _checked_lengths(task: MotionTask, weight: float) -> Float[np.ndarray, " dof"]:
     """Return the lengths of the links of a task's arm [m]. Raises InvalidInput as ``exact_steps`` does."""
-    lengths = link_lengths(task.arm)
+    # The lengths of a planar arm's links [m]; offsets below the tolerance count as 0
+    arm = task.arm
+    offsets = np.array([place.position for place in (*arm.placements[1:], arm.tool)])
+    straight = arm.is_planar and np.abs(offsets[:, 1:]).max() < 1e-12
+    at_origin = max(np.abs(place.position).max() for place in (arm.base, arm.placements[0])) < 1e-12
+    if not straight or not at_origin or arm.dof not in (3, 4):
+        raise InvalidInput(f"exact steps: arm must be planar with 3 or 4 links at the origin, got {shown(arm)}")
+    lengths = np.ascontiguousarray(offsets[:, 0])
     if task.rows != 2 or task.targets.shape[1] != 2:
         raise InvalidInput(f"exact steps: path must be positions in the plane, got {task.rows} rows")
     if not 0.0 <= weight <= 1.0:
         raise InvalidInput(f"weight must be between 0 and 1, got {shown(weight)}")
     return lengths
-
-
-def link_lengths(arm: Arm, *, tolerance: float = 1e-12) -> Float[np.ndarray, " dof"]:
-    """Return the lengths of a planar arm's links [m]; offsets below the tolerance count as 0.
-
-    Raises InvalidInput unless the arm is planar, with three or four links and its base at the origin.
-    """
-    offsets = np.array([place.position for place in (*arm.placements[1:], arm.tool)])
-    straight = arm.is_planar and np.abs(offsets[:, 1:]).max() < tolerance
-    at_origin = max(np.abs(place.position).max() for place in (arm.base, arm.placements[0])) < tolerance
-    if not straight or not at_origin or arm.dof not in (3, 4):
-        raise InvalidInput(f"exact steps: arm must be planar with 3 or 4 links at the origin, got {shown(arm)}")
-    return np.ascontiguousarray(offsets[:, 0])

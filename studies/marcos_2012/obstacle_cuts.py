@@ -1,10 +1,9 @@
 """Cells cut by obstacles, compiled.
 
-A polygon contains all steps of a cell that may be clear; bounds over it are made. A step is clear if its end has the
-standoff, and if the distances at both ends of every shortest interval add up to more than the arm's travel in it: then
-halving, as in ``find_inadmissible``, proves it. Bounds of distances (``witness``) make both conditions half-planes. The
-objective is bounded over the polygon as over the cell, so that near obstacles too the bound is off by the square of the
-cell's size.
+A polygon contains all steps of a cell that may be clear. A step is clear if its end has the standoff, and if the
+distances at both ends of every shortest interval add up to more than the arm's travel in it: then halving, as in
+``find_inadmissible``, proves it. Bounds of distances (``witness``) make both conditions half-planes. The objective is
+bounded over the polygon as over the cell, so that near obstacles too the bound is off by the square of the cell's size.
 """
 
 from __future__ import annotations

@@ -35,16 +35,6 @@ class ExactMeasures:
     drift: float
 
 
-def exact_measures(distance: float, start: Float[np.ndarray, " dof"], weight: float) -> ExactMeasures | None:
-    """Return the results of the exact loop of 3R from a start, None if it meets a singularity."""
-    loop = marcos_2012.loop(3, distance, weight=weight, start=start, as_printed=True)
-    moved = exact_steps(loop.task, start, weight=weight, longest_step=loop.longest)
-    if not np.abs(np.diff(moved, axis=0)).max() < LEAP:
-        return None
-    error, drift = (float(measure(loop.task.motion(moved))) for measure in MEASURES.values())
-    return ExactMeasures(error=error, drift=drift)
-
-
 def start_rows(starts: int = STARTS) -> list[Row]:
     """Return how much of the paper's columns a start explains that gives its error at w = 0.5.
 
@@ -86,8 +76,16 @@ def start_rows(starts: int = STARTS) -> list[Row]:
 
 
 def _exact_at(distance: float, angle: float, side: int, weight: float = WEIGHT) -> ExactMeasures | None:
+    """Return the results of the exact loop of 3R from a start, None without one or if it meets a singularity."""
     start = posture(distance, angle, side)
-    return None if start is None else exact_measures(distance, start, weight)
+    if start is None:
+        return None
+    loop = marcos_2012.loop(3, distance, weight=weight, start=start, as_printed=True)
+    moved = exact_steps(loop.task, start, weight=weight, longest_step=loop.longest)
+    if not np.abs(np.diff(moved, axis=0)).max() < LEAP:
+        return None
+    error, drift = (float(measure(loop.task.motion(moved))) for measure in MEASURES.values())
+    return ExactMeasures(error=error, drift=drift)
 
 
 def _printed(table: str, distance: float, weight: float) -> float:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -21,14 +21,12 @@ POINTS = 60
 RATE = "-1/3 where six parameters, one of the start and five of the weights, come near a minimum"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Decline:
+class Decline(NamedTuple):
     """One arm's best candidates' cost above the best optimum (seeds, points) [J s], by candidates (points,)."""
 
     masses: str
     counts: Int[np.ndarray, " points"]
     above: Float[np.ndarray, "seeds points"]
-    optimum: float
 
     @property
     def lines(self) -> Float[np.ndarray, "seeds 2"]:
@@ -45,15 +43,7 @@ def declines(*, count: int, seeds: int, executor: Executor | None = None) -> lis
     lowest = {masses: [costs[masses] for costs in by_seed.values()] for masses in MASSES}
     fewest = min(len(costs) for costs in lowest["fitted"])
     counts = np.unique(np.geomspace(1, fewest, POINTS).round().astype(int))
-    return [
-        Decline(
-            masses=masses,
-            counts=counts,
-            above=np.stack([costs[counts - 1] for costs in lowest[masses]]) - best[masses],
-            optimum=best[masses],
-        )
-        for masses in MASSES
-    ]
+    return [Decline(m, counts, np.stack([costs[counts - 1] for costs in lowest[m]]) - best[m]) for m in MASSES]
 
 
 def lowest_costs(count: int, seed: int) -> dict[str, Float[np.ndarray, " candidates"]]:
@@ -84,7 +74,5 @@ def figure_1(decline: Decline) -> list[Row]:
     return [
         beside(table, decline.masses, name, "exponent", "", float(exponent), spread_note),
         beside(table, decline.masses, name, "logarithm of the factor", "", float(factor), factor_note),
-        beside(
-            table, decline.masses, name, "best candidate above the optimum", "J s", last, f"median; {count} of them"
-        ),
+        beside(table, decline.masses, name, "best candidate above the optimum", "J s", last, f"median of {count}"),
     ]

@@ -50,27 +50,12 @@ def integrate_extremal(
     tolerance: float = 1e-8,
     as_printed: bool = False,
 ) -> Extremal:
-    """Return the motions of stationary kinetic energy that leave postures on the path's first sample.
+    """Return the motions of stationary kinetic energy that leave postures on the first sample of an open motion task.
 
-    Parameters
-    ----------
-    task
-        An open motion task of an arm with masses; its objectives and limits do not count.
-    start
-        Postures (*batch, dof) at sample 0; by default the task's own start.
-    rates
-        Joint velocities (*batch, dof) there; by default those of least kinetic energy, as for free starts.
-    tolerance
-        Tolerance of every integration step, by Dormand & Prince's fifth-order pair; each motion has its own steps.
-    as_printed
-        Whether to take the sign of Eq. 20 as printed, to see what it does.
-
-    Raises
-    ------
-    InvalidInput
-        For a cyclic task, a massless arm, starts off the path, or rates that don't follow it.
-    Infeasible
-        If a motion ends in a singularity, with sample and time.
+    ``start`` are postures (*batch, dof), the task's own by default; ``rates`` velocities there, by default those of
+    least kinetic energy. Every step of Dormand & Prince's fifth-order pair has the ``tolerance``. ``as_printed`` takes
+    the sign of Eq. 20 as printed. Raises InvalidInput for a cyclic task, a massless arm, starts off the path, or rates
+    that don't follow it; Infeasible if a motion ends in a singularity, with sample and time.
     """
     check_tolerance(tolerance)
     equation = equation_of_motion(task)

@@ -1,9 +1,8 @@
 """Masses that reproduce the paper's energies and torques: ``python -m studies.tringali_2020.masses [--json FILE]``.
 
-With the masses of Table 1 energies come out 27 % low, while lengths and speeds agree. The three masses are fitted, in
-least squares of relative errors, to the numbers whose motion is determined: minimised ones, and those of the motion of
-least energy. ``pk.arms.tringali_3r("fitted")`` has masses of an earlier fit to fewer numbers; the errors of both are
-next to each other. Both are inferences, not in the paper.
+The three masses are fitted, in least squares of relative errors, to the numbers whose motion is determined: minimised
+ones, and those of the motion of least energy. ``pk.arms.tringali_3r("fitted")`` has masses of an earlier fit to fewer
+numbers. Both are inferences, not in the paper.
 """
 
 from __future__ import annotations
@@ -100,8 +99,8 @@ def arm_with(masses: np.ndarray) -> pk.Arm:
     )
 
 
-def fit_masses(*, starts: int = 24) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the masses (3,) [kg] that fit best, their relative errors, and those of the library's."""
+def fitted_rows(*, starts: int = 24) -> list[Row]:
+    """Return the masses [kg] that fit best with those of the library, and the errors of both for every number."""
     printed = np.array([paper()[place] for place in PLACES])
     prototype = Prototype(starts=starts)
     table = np.array(TRINGALI_MASSES["printed"])
@@ -111,20 +110,15 @@ def fit_masses(*, starts: int = 24) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         return prototype.numbers(masses) / printed - 1
 
     fit = least_squares(errors, first, bounds=(0.3 * first, 3 * first), x_scale=first, diff_step=STEP, xtol=1e-4)
-    return fit.x, fit.fun, errors(np.array(TRINGALI_MASSES["fitted"]))
-
-
-def mass_rows(masses: np.ndarray, errors: np.ndarray, stored_errors: np.ndarray) -> list[Row]:
-    """Return the fitted masses with those of the library, and the errors of both for every number."""
-    rows, library = [], zip(masses, TRINGALI_MASSES["fitted"], TRINGALI_MASSES["printed"], strict=True)
-    for k, (mass, stored, printed) in enumerate(library, start=1):
-        place, note = ("masses that fit the paper's numbers best", f"link {k}", "mass", "kg"), f"Table 1: {printed} kg"
-        rows.append(Row(*place, float(mass), reference=stored, source=STORED, note=note))
-    for (table, row, column), error, stored in zip(PLACES, errors, stored_errors, strict=True):
-        title = "errors that these masses leave of the paper's numbers"
-        rows.append(
-            Row(title, f"{table}, {row}", column, "%", 100 * float(error), reference=100 * float(stored), source=STORED)
-        )
+    stored, title = TRINGALI_MASSES["fitted"], "masses that fit the paper's numbers best"
+    rows = [
+        Row(title, f"link {k}", "mass", "kg", float(mass), reference=ours, source=STORED, note=f"Table 1: {theirs} kg")
+        for k, (mass, ours, theirs) in enumerate(zip(fit.x, stored, table.tolist(), strict=True), start=1)
+    ]
+    title, others = "errors that these masses leave of the paper's numbers", errors(np.array(stored))
+    for (where, row, column), error, other in zip(PLACES, 100 * fit.fun, 100 * others, strict=True):
+        place = title, f"{where}, {row}", column, "%"
+        rows.append(Row(*place, float(error), reference=float(other), source=STORED))
     return rows
 
 
@@ -132,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Fit the masses and report them."""
     options = study_parser("Masses that reproduce the energies of Tringali & Cocuzza 2020.").parse_args(arguments)
     tell("masses")
-    report(mass_rows(*fit_masses()), json_file=options.json)
+    report(fitted_rows(), json_file=options.json)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,8 @@
 """The paper's search: 66 first postures, n² candidates of each, ranked, the best refined from level to level.
 
-The library's own starts are fewer and others: ``paretoik/trajectory/plan_starts.py``. The paper does not say from which
-posture the 66 are made, nor the size of the random velocities; ``SearchOptions`` has our choice. Candidates are
-retracted onto the path; on the circle their drift is removed evenly. The minimiser is the library's interior point,
-with exact derivatives, instead of Matlab's SQP with differences: the study compares which starts are taken.
-
-Source: Tringali & Cocuzza 2020, sections 3.1.2 to 3.2.
+Candidates are retracted onto the path; on the circle their drift is removed evenly. The minimiser is the library's
+interior point, with exact derivatives, instead of Matlab's SQP: the study compares which starts are taken. Source:
+Tringali & Cocuzza 2020, sections 3.1.2 to 3.2.
 """
 
 from __future__ import annotations
@@ -16,6 +13,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -57,8 +55,7 @@ class SearchOptions:
 OPTIONS = SearchOptions()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PublishedSearch:
+class PublishedSearch(NamedTuple):
     """The optima from the best ``bends`` of ``candidates`` with a ``penalty``, and the seconds."""
 
     penalty: float

@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -73,17 +74,12 @@ def with_arm(
     if isinstance(masses, str):
         masses = pk.arms.tringali_3r(masses="fitted" if masses == "fitted" else "printed")
     task = problem.task if samples is None else problem.task.resample(samples)
-    limits = {kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()}
+    limits: dict[str, Any] = {kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()}
     return pk.Tracking(
         masses,
         path or task.tasks,
         objectives=task.objectives,
-        limits=pk.Limits(
-            position=limits.get("position"),
-            velocity=limits.get("velocity"),
-            torque=limits.get("torque"),
-            power=limits.get("power"),
-        ),
+        limits=pk.Limits(**limits),
         cyclic=task.cyclic,
         coefficients=4,  # the least: plans and ε-constraints use no genes
         bases=1,
@@ -121,16 +117,6 @@ def machine() -> str:
     return f"{name}, {os.cpu_count()} cores, Python {platform.python_version()}"
 
 
-def limit_use(simulation: Simulation) -> tuple[float, str]:
-    """Return the best motion's greatest use of a limit, 1 being all of it, and the limits used; all are ±."""
-    task = simulation.problem.task
-    uses = 1 + 2 * task.violations(simulation.motion)
-    largest = float(uses.max())
-    return largest, ", ".join(
-        name for name, use in zip(task.limit_names, uses, strict=True) if use > largest - AT_LIMIT
-    )
-
-
 def tables(simulation: Simulation) -> list[Row]:
     """Return the rows of a simulation in Table 5 or 6: those of the paper, then its optima and limits."""
     table = "Table 6" if simulation.number == 5 else "Table 5"
@@ -150,8 +136,10 @@ def tables(simulation: Simulation) -> list[Row]:
     theirs = "; the paper shows three in its Table 4 and Figure 3" if simulation.number == 1 else ""
     note = f"bends and {goal}: {labels}{theirs}"
     rows.append(beside(table, masses, name, "distinct optima", "", len(plan.optima), note))
-    if simulation.problem.task.limit_names:
-        use, which = limit_use(simulation)
+    if names := simulation.problem.task.limit_names:
+        uses = 1 + 2 * simulation.problem.task.violations(motion)  # shares of each limit, which are all ±
+        use = float(uses.max())
+        which = ", ".join(limit for limit, each in zip(names, uses, strict=True) if each > use - AT_LIMIT)
         rows.append(beside(table, masses, name, "worst limit use", "", use, f"1 is all of it: {which}"))
     return rows
 

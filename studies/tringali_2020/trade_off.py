@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 from contextlib import suppress
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 import paretoik as pk
 from paretoik.front.hypervolume import hypervolume, non_dominated
@@ -24,8 +24,7 @@ OFF = 1e-3  # of the front's range: no weights find points farther above the hul
 DRAWN = "the paper draws its front, without numbers"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TradeOff:
+class TradeOff(NamedTuple):
     """The front with the arm of these masses, and the seconds it took."""
 
     masses: str
@@ -41,7 +40,7 @@ def solve_trade_off(masses: str, *, points: int, starts: int, rehearsed: bool = 
             pk.epsilon_front(problem, points=2, starts=4)
     started = time.perf_counter()
     front = pk.epsilon_front(problem, points=points, starts=starts)
-    return TradeOff(masses=masses, front=front, seconds=time.perf_counter() - started)
+    return TradeOff(masses, front, time.perf_counter() - started)
 
 
 def figure_14(trade_off: TradeOff) -> list[Row]:
@@ -57,7 +56,8 @@ def figure_14(trade_off: TradeOff) -> list[Row]:
             note = f"{100 * (values[end] / theirs - 1):+.2f} %; theirs: simulation {simulation}; {DRAWN}"
             rows.append(_row(masses, name, column, unit, float(values[end]), note, theirs))
     minima, bends = int(np.sum(certificates.status == "minimum")), sorted(set(branch_labels(front.motions)))
-    off = int(off_hull(front).sum())
+    corners = front.shares[hull(front)]
+    off = int(np.sum(front.shares[:, 1] > np.interp(front.shares[:, 0], *corners.T) + OFF))
     weights = "the paper: if the front is not convex, ε-constraints find what weights cannot"
     worst, between = float(certificates.violation.max()), float(certificates.violation_between.max())
     inequality = "ε as an inequality; what the printed equality costs: below"
@@ -82,30 +82,20 @@ def hull(front: pk.Front) -> list[int]:
     points = front.shares
     corners: list[int] = []
     for i in np.argsort(points[:, 0], kind="stable").tolist():
-        while len(corners) > 1 and _turn(points[corners[-2]], points[corners[-1]], points[i]) <= 0:
+        while len(corners) > 1:
+            (a, b), (c, d) = np.diff(points[[*corners[-2:], i]], axis=0)
+            if a * d - b * c > 0:  # it turns left
+                break
             corners.pop()
         corners.append(i)
     return corners
-
-
-def _turn(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> float:
-    (a, b), (c, d) = here - before, after - here
-    return float(a * d - b * c)
-
-
-def off_hull(front: pk.Front) -> Bool[np.ndarray, " points"]:
-    """Return which points lie above the lower convex hull by more than ``OFF`` of the range."""
-    corners = front.shares[hull(front)]
-    below = np.interp(front.shares[:, 0], corners[:, 0], corners[:, 1])
-    return np.asarray(front.shares[:, 1] > below + OFF)
 
 
 BEYOND = 0.1  # of the ranges, beyond the worse end: the reference point of the hypervolume
 LEFT_OPEN = 1e-6  # of the ranges: tolerance of solvers
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Sweep:
+class Sweep(NamedTuple):
     """The points of a sweep of ``levels`` for each objective, those that exist, and its seconds."""
 
     objectives: Float[np.ndarray, "points 2"]
@@ -140,7 +130,7 @@ def sweep(
             if len(converged):
                 best = converged[np.argmin(solutions.objectives[converged, main])]
                 points.append(solutions.objectives[best] * ranges)
-    return Sweep(objectives=np.array(points).reshape(-1, 2), levels=levels, seconds=time.perf_counter() - begin)
+    return Sweep(np.array(points).reshape(-1, 2), levels, time.perf_counter() - begin)
 
 
 def sweep_rows(simulations: list[Simulation], trade_off: TradeOff, *, points: int) -> list[Row]:

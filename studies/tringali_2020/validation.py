@@ -49,14 +49,15 @@ def name_optima(optima: Sequence[Optimum], names: Mapping[str, str]) -> dict[str
 def table_4(simulation: Simulation, names: Mapping[str, str]) -> list[Row]:
     """Return the rows of one arm: the paper's optima (``names`` by their bends), then others."""
     optima = name_optima(simulation.plan.optima, names)
-    starts = _starts(list(optima.values()))
-    right = integrate_extremal(simulation.problem.task, starts, tolerance=INTEGRATED)
-    wrong = integrate_extremal(simulation.problem.task, starts, tolerance=INTEGRATED, as_printed=True)
-    rows: dict[str, list[Row]] = {}
+    starts = np.stack([optimum.motion.q[0] for optimum in optima.values()])
+    right, wrong = (
+        integrate_extremal(simulation.problem.task, starts, tolerance=INTEGRATED, as_printed=as_printed)
+        for as_printed in (False, True)
+    )
+    rows = []
     for k, (name, optimum) in enumerate(optima.items()):
-        rows[name] = _optimum_rows(simulation, name, optimum, right, wrong, k)
-        rows[name] += _moved_start_rows(simulation, name, optimum)
-    return [row for several in rows.values() for row in several]
+        rows += _optimum_rows(simulation, name, optimum, right, wrong, k) + _moved_start_rows(simulation, name, optimum)
+    return rows
 
 
 def bound_row(simulation: Simulation, *, resolution: float | None) -> Row:
@@ -69,10 +70,6 @@ def bound_row(simulation: Simulation, *, resolution: float | None) -> Row:
     return Row(
         f"{TABLE}, {simulation.masses} masses", "all motions", "bound from below", "J s", oracle.lower_bound, note=note
     )
-
-
-def _starts(optima: Sequence[Optimum]) -> np.ndarray:
-    return np.stack([optimum.motion.q[0] for optimum in optima])
 
 
 def _optimum_rows(

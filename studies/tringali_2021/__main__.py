@@ -6,11 +6,12 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from importlib.util import find_spec
+from itertools import product
 
 from studies.processes import processes, run_each
-from studies.reporting import Row, report, study_parser, tell
+from studies.reporting import report, study_parser, tell
 from studies.tringali_2021.pictures import draw
-from studies.tringali_2021.readings import READINGS, circle_row, named_reading_row
+from studies.tringali_2021.readings import READINGS, circle_row, reading_row
 from studies.tringali_2021.real_time import real_time_rows
 from studies.tringali_2021.splines import AHEAD, spline_rows
 from studies.tringali_2021.trajectories import (
@@ -18,7 +19,6 @@ from studies.tringali_2021.trajectories import (
     NUMBERS,
     Trajectory,
     lower_bound_row,
-    other_way_rows,
     resolve_trajectory,
     schedule_rows,
     table_5,
@@ -39,10 +39,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     ).parse_args(arguments)
     quick = options.quick
     starts, rounds, generations = (8, 1, 5) if quick else (48, 5, 30)
-    trajectories = [_resolve(number, masses, starts) for masses in MASSES for number in NUMBERS]
+    trajectories = list[Trajectory]()
+    for masses, number in product(MASSES, NUMBERS):
+        tell(f"trajectory {number}, {masses} masses")
+        trajectories.append(resolve_trajectory(number, masses, starts=starts))
     rows = [row for one in trajectories for row in table_5(one)]
-    for masses in MASSES:
-        rows += other_way_rows(masses)
     rows += [row for one in trajectories for row in text_rows(one)]
     tell("trajectory 2 along other circles")
     rows.append(circle_row("fitted"))
@@ -50,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         tell("other readings" if quick else "other readings, and a bound on all motions along trajectory 4")
         single = {} if quick else {("bound", "trajectory 4"): partial(lower_bound_row, 4, "fitted")}
         for each in QUICK_READINGS if quick else READINGS:
-            single["reading", each.name] = partial(named_reading_row, each.name, "fitted")
+            single["reading", each.name] = partial(reading_row, each.name, "fitted")
         rows += run_each(executor, single).values()
         tell("splines through more samples ahead")
         rows += spline_rows("fitted", ahead=AHEAD[:1] if quick else AHEAD, executor=executor)
@@ -61,25 +62,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
         }
         rows += [row for several in run_each(executor, schedules).values() for row in several]
     tell("updates and SLSQP's")
-    rows += real_time_rows(rounds=rounds) + _window_rows(rounds)
+    rows += real_time_rows(rounds=rounds)
+    if find_spec("casadi") is None:
+        tell("windows by CasADi's solvers: left out, since CasADi is not installed (it comes with [bench])")
+    else:
+        from studies.tringali_2021.peers import window_rows
+
+        tell("windows by CasADi's solvers")
+        rows += window_rows("fitted", rounds=rounds)
     report(rows, json_file=options.json)
     pictures = draw(options.out, trajectories)
     print(f"{len(pictures)} pictures in {options.out}", file=sys.stderr)
-
-
-def _resolve(number: int, masses: str, starts: int) -> Trajectory:
-    tell(f"trajectory {number}, {masses} masses")
-    return resolve_trajectory(number, masses, starts=starts)
-
-
-def _window_rows(rounds: int) -> list[Row]:
-    if find_spec("casadi") is None:
-        tell("windows by CasADi's solvers: left out, since CasADi is not installed (it comes with [bench])")
-        return []
-    from studies.tringali_2021.peers import window_rows
-
-    tell("windows by CasADi's solvers")
-    return window_rows("fitted", rounds=rounds)
 
 
 if __name__ == "__main__":

@@ -8,9 +8,8 @@ trajectories; only the solver's call is timed.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
@@ -41,8 +40,7 @@ SQP = {
 FATROP = {**QUIET, "structure_detection": "auto", "fatrop": {"print_level": 0, "tolerance": 1e-9}}
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Window:
+class Window(NamedTuple):
     """The data of an update: first positions (horizon, dof), posture, velocity, targets; and our result."""
 
     q: np.ndarray
@@ -62,9 +60,7 @@ class Recorder:
     def solve(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> HorizonSolution:
         """Return the minimum from positions ahead."""
         solution = self.program.solve(q, posture, velocity, targets)
-        self.windows.append(
-            Window(q=q.copy(), posture=posture.copy(), velocity=velocity.copy(), targets=targets, solution=solution)
-        )
+        self.windows.append(Window(q.copy(), posture.copy(), velocity.copy(), targets, solution))
         return solution
 
 
@@ -115,12 +111,6 @@ def optimal_control(arm: pk.Arm, horizon: int, interval: float) -> dict[str, Any
     return {"x": vertcat(*unknowns), "p": vertcat(posture, *targets), "f": energy, "g": vertcat(*rows)}
 
 
-def start_of(window: Window, interval: float) -> np.ndarray:
-    """Return the unknowns of ``optimal_control`` at our start."""
-    rates = np.diff(window.q, axis=0, prepend=window.posture[None]) / interval
-    return np.stack([rates, window.q], axis=1).ravel()
-
-
 def window_rows(masses: str, *, rounds: int, numbers: tuple[int, ...] = NUMBERS) -> list[Row]:
     """Return the milliseconds of a window by ours and the peers, alternating, and the number of equal minima."""
     program, windows = recorded_windows(masses, numbers=numbers)
@@ -131,18 +121,21 @@ def window_rows(masses: str, *, rounds: int, numbers: tuple[int, ...] = NUMBERS)
         "SQP with qrqp, CasADi": casadi.nlpsol("sqp", "sqpmethod", problem, SQP),
         "FATROP, CasADi": casadi.nlpsol("fatrop", "fatrop", problem, fatrop),
     }
-    calls: dict[str, Callable[[Window], Callable[[], float]]] = {
-        "ours": lambda window: lambda: program.solve(window.q, window.posture, window.velocity, window.targets).value
-    }
-    calls |= {name: _asked(solver, interval) for name, solver in peers.items()}
-    seconds: dict[str, list[float]] = {name: [] for name in calls}
-    values: dict[str, list[float]] = {name: [] for name in calls}
+    solvers = {"ours": None, **peers}
+    seconds: dict[str, list[float]] = {name: [] for name in solvers}
+    values: dict[str, list[float]] = {name: [] for name in solvers}
     for turn in range(1 + rounds):  # the first is not timed
         for window in windows:
-            for name, ask in calls.items():
-                call = ask(window)
+            # the unknowns of ``optimal_control`` at our start
+            rates = np.diff(window.q, axis=0, prepend=window.posture[None]) / interval
+            x0 = casadi.DM(np.stack([rates, window.q], axis=1).ravel())
+            p = casadi.DM(np.concatenate([window.posture, window.targets[:, :2].ravel()]))
+            for name, solver in solvers.items():
                 begin = time.perf_counter()
-                value = call()
+                if solver is None:
+                    value = program.solve(window.q, window.posture, window.velocity, window.targets).value
+                else:
+                    value = float(solver(x0=x0, p=p, lbg=0.0, ubg=0.0)["f"])
                 elapsed = time.perf_counter() - begin
                 if turn:
                     seconds[name].append(elapsed)
@@ -160,12 +153,3 @@ def window_rows(masses: str, *, rounds: int, numbers: tuple[int, ...] = NUMBERS)
         table = "a window of two samples, median"
         rows.append(Row(table, place, name, "ms", 1e3 * middle, reference=reference, source="ours", note=note))
     return rows
-
-
-def _asked(solver: Any, interval: float) -> Callable[[Window], Callable[[], float]]:
-    def ask(window: Window) -> Callable[[], float]:
-        start = casadi.DM(start_of(window, interval))
-        parameters = casadi.DM(np.concatenate([window.posture, window.targets[:, :2].ravel()]))
-        return lambda: float(solver(x0=start, p=parameters, lbg=0.0, ubg=0.0)["f"])
-
-    return ask

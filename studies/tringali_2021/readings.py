@@ -149,13 +149,9 @@ READINGS = (  # the first few, which come near, are the quick study's
 )
 
 
-def named_reading_row(name: str, masses: str) -> Row:
-    """Return the row of a reading: by name so that it can run in another process."""
-    return reading_row(next(each for each in READINGS if each.name == name), masses)
-
-
-def reading_row(reading: Reading, masses: str, *, numbers: tuple[int, ...] = NUMBERS) -> Row:
-    """Return the largest energy error of a reading against Table 5, and in words all energies and speeds."""
+def reading_row(name: str, masses: str, *, numbers: tuple[int, ...] = NUMBERS) -> Row:
+    """Return the largest energy error of a reading against Table 5; by name so that it can run in another process."""
+    reading = next(each for each in READINGS if each.name == name)
     motions = {f"trajectory {number}": reading.resolve(number, masses) for number in numbers}
     energies = {name: float(pk.kinetic_energy(motion)) for name, motion in motions.items()}
     off = {name: 100 * (energy / paper()["Table 5", name, "PMKE"] - 1) for name, energy in energies.items()}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,7 @@ from scipy.optimize import minimize
 
 import paretoik as pk
 from paretoik.resolution.horizon import HorizonProgram, HorizonSolution, horizon_program
-from paretoik.resolution.predictive import PredictiveTraces, follow_predictively
+from paretoik.resolution.predictive import MakeSolver, PredictiveTraces, follow_predictively
 from paretoik.resolution.protocol import TRACKING_TOLERANCE
 from paretoik.task.motion_task import MotionTask
 from problems import tringali_2021
@@ -71,16 +70,13 @@ class Slsqp:
         )
 
 
-def make_solver(solver: str) -> Callable[..., HorizonProgram | Slsqp]:
-    """Return a function that makes the solver of a prediction."""
-    if solver == "ours":
-        return horizon_program
-    return lambda *arguments: Slsqp(program=horizon_program(*arguments), exact="exact" in solver)
-
-
 def real_time_rows(*, rounds: int) -> list[Row]:
     """Return the seconds of an update over all trajectories, spline included: their distribution, and SLSQP's."""
-    solvers = ("ours", "SLSQP, differences", "SLSQP, exact derivatives")
+    solvers: dict[str, MakeSolver] = {
+        "ours": horizon_program,
+        "SLSQP, differences": lambda *arguments: Slsqp(program=horizon_program(*arguments), exact=False),
+        "SLSQP, exact derivatives": lambda *arguments: Slsqp(program=horizon_program(*arguments), exact=True),
+    }
     seconds: dict[str, list[np.ndarray]] = {solver: [] for solver in solvers}
     energies: dict[str, list[float]] = {solver: [] for solver in solvers}
     tasks: list[MotionTask] = [tringali_2021.problem(number, arm_of("fitted")).task for number in NUMBERS]
@@ -90,9 +86,9 @@ def real_time_rows(*, rounds: int) -> list[Row]:
         )  # compiled once
     for turn in range(rounds):
         for task in tasks:
-            for solver in solvers:
+            for solver, make in solvers.items():
                 arguments = task, pk.methods.PredictiveKineticEnergy(), np.array(START)
-                motion = follow_predictively(*arguments, tolerance=TRACKING_TOLERANCE, make_solver=make_solver(solver))
+                motion = follow_predictively(*arguments, tolerance=TRACKING_TOLERANCE, make_solver=make)
                 assert isinstance(motion.traces, PredictiveTraces)
                 seconds[solver].append(motion.traces.seconds)
                 if turn == 0:

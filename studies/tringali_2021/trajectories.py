@@ -138,21 +138,6 @@ def table_5(trajectory: Trajectory) -> list[Row]:
     return rows
 
 
-def other_way_rows(masses: str) -> list[Row]:
-    """Return the energies of trajectory 2 the other way round; the paper does not give its sense."""
-    methods = {"PMKE": pk.methods.PredictiveKineticEnergy(), "LSV": pk.methods.LeastSquaresVelocity()}
-    rows = []
-    for name, method in methods.items():
-        motion = pk.resolve(
-            arm_of(masses), tringali_2021.round_trip(turns=-1), method, start=START, unreachable="track"
-        )
-        energy, printed = float(pk.kinetic_energy(motion)), paper()["Table 5", "trajectory 2", name]
-        note = f"{100 * (energy / printed - 1):+.2f} %; the paper does not tell the sense of its circle"
-        row = "trajectory 2, the other way round"
-        rows.append(Row(f"Table 5, {masses} masses", row, name, "J s", energy, reference=printed, note=note))
-    return rows
-
-
 def lower_bound_row(number: int, masses: str, *, samples: int = 201) -> Row:
     """Return a bound on all motions, by the grid oracle, and the best planned value."""
     problem = tringali_2021.problem(number, arm_of(masses), samples)
@@ -177,20 +162,14 @@ def text_rows(trajectory: Trajectory) -> list[Row]:
         unit = {"Figure 8": "s" if column.startswith("its") else "kg m²"}.get(table, "rad/s")
         rows.append(Row(f"{table}, {trajectory.masses} masses", row, column, unit, ours, reference=printed, note=note))
     if any(table == "Figure 8" and row == trajectory.name for table, row, _ in paper()):
-        rows.append(_always_lower_row(trajectory))
+        # the paper: PMKE's spectral radius is "always lower" than LSV's
+        ahead, local = (spectral_radius(trajectory.motions[name]) for name in ("PMKE", "LSV"))
+        above = ahead[1:] >= local[1:]  # both start from the same posture
+        times = trajectory.motions["PMKE"].time[1:][above]
+        note = f"of {len(above)}; " + (f"from {times[0]:.2f} to {times[-1]:.2f} s" if len(times) else "as in the paper")
+        place = f"Figure 8, {trajectory.masses} masses", trajectory.name, "samples at which PMKE is not below LSV", ""
+        rows.append(Row(*place, int(above.sum()), reference=0, note=note))
     return rows
-
-
-def _always_lower_row(trajectory: Trajectory) -> Row:
-    """Return the number of samples at which PMKE has no smaller spectral radius than LSV; the paper: "always lower"."""
-    ahead, local = (spectral_radius(trajectory.motions[name]) for name in ("PMKE", "LSV"))
-    above = ahead[1:] >= local[1:]  # both start from the same posture
-    times = trajectory.motions["PMKE"].time[1:][above]
-    note = f"of {len(above)}; " + (f"from {times[0]:.2f} to {times[-1]:.2f} s" if len(times) else "as in the paper")
-    column = "samples at which PMKE is not below LSV"
-    return Row(
-        f"Figure 8, {trajectory.masses} masses", trajectory.name, column, "", int(above.sum()), reference=0, note=note
-    )
 
 
 def text_number(motion: pk.Motion, table: str, row: str, column: str) -> float:
@@ -219,9 +198,8 @@ def schedule_rows(number: int, masses: str, *, starts: int, generations: int, sa
     problem = tringali_2021.schedule_along(number, optimum=optimum, arm=arm, samples=samples)
     front = pk.solve(problem, population=40, generations=generations, seed=0)
     lowest = float(pk.kinetic_energy(optimum))
-    paper_schedule = float(
-        pk.kinetic_energy(pk.resolve(arm, path, pk.methods.PredictiveKineticEnergy(), start=START, unreachable="track"))
-    )
+    looking_ahead = pk.resolve(arm, path, pk.methods.PredictiveKineticEnergy(), start=START, unreachable="track")
+    paper_schedule = float(pk.kinetic_energy(looking_ahead))
     assert front.genes is not None
     best = problem.method(front.genes[:1])
     assert isinstance(best, pk.methods.PredictiveKineticEnergy)

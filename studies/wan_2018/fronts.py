@@ -17,7 +17,7 @@ from paretoik.runs.distribution import Executor
 from problems import wan_2018
 from studies.processes import run_each
 from studies.reporting import Row, tell
-from studies.significance import SIGNIFICANCE, SampleComparison, compare_samples, holm
+from studies.significance import LEVEL, SampleComparison, compare_samples, holm
 
 Fronts = Mapping[str, Sequence[np.ndarray]]  # of each seed, by family
 FAMILIES = {"weighted": wan_2018.weighted_gains, "plain": wan_2018.plain_gains}
@@ -46,28 +46,24 @@ def comparison_rows(
     }
     tell(f"fronts of {' and '.join(FAMILIES)}, {seeds} seeds")
     results = run_each(executor, searches)
-    fronts = {family: [_log_scale(results[family, f"seed {seed}"]) for seed in range(seeds)] for family in FAMILIES}
-    compared = {name: _compare(name, measure, fronts) for name, measure in _indicators(fronts).items()}
-    return [
-        Row(
-            f"fronts of WGPM beside GPM, {seeds} seeds, {population * generations} evaluations each",
-            "path of section 3.2",
-            f"{name}, median",
-            "",
-            each.ours,
-            reference=each.theirs,
-            source="GPM",
-            note=f"from {judged_starts} starts each: {_verdict(each, p)}",
-        )
-        for (name, each), p in zip(compared.items(), holm([each.p for each in compared.values()]), strict=True)
-    ]
-
-
-def _verdict(comparison: SampleComparison, p: float) -> str:
-    """Return the winner; `p` is that of the difference, corrected for all tests."""
-    winner = "undecided" if p > SIGNIFICANCE.level else "WGPM wins" if comparison.a12 > 0.5 else "LOSS, GPM wins"
-    ratio = f"ratio of medians {comparison.ratio_low:.3f} to {comparison.ratio_high:.3f}"
-    return f"{winner}, p {p:.1e} (Holm), A12 {comparison.a12:.2f}, {ratio}"
+    with np.errstate(invalid="ignore", divide="ignore"):  # powers of ten; the margin, which can be negative, stays
+        logarithms = {
+            key: np.where(np.isfinite(LEAST), np.log10(np.maximum(F, LEAST)), F) for key, F in results.items()
+        }
+    fronts = {family: [logarithms[family, f"seed {seed}"] for seed in range(seeds)] for family in FAMILIES}
+    compared = dict[str, SampleComparison]()
+    for name, measure in _indicators(fronts).items():
+        ours, theirs = (np.array([float(measure(front)) for front in fronts[family]]) for family in FAMILIES)
+        compared[name] = compare_samples(ours, theirs, maximised=name == "hypervolume")
+    rows = list[Row]()
+    title = f"fronts of WGPM beside GPM, {seeds} seeds, {population * generations} evaluations each"
+    for (name, each), p in zip(compared.items(), holm([each.p for each in compared.values()]), strict=True):
+        winner = "undecided" if p > LEVEL else "WGPM wins" if each.a12 > 0.5 else "LOSS, GPM wins"
+        ratio = f"ratio of medians {each.ratio_low:.3f} to {each.ratio_high:.3f}"
+        note = f"from {judged_starts} starts each: {winner}, p {p:.1e} (Holm), A12 {each.a12:.2f}, {ratio}"
+        place = title, "path of section 3.2", f"{name}, median", ""
+        rows.append(Row(*place, each.ours, reference=each.theirs, source="GPM", note=note))
+    return rows
 
 
 def _indicators(fronts: Fronts) -> dict[str, Callable[[np.ndarray], float]]:
@@ -86,15 +82,3 @@ def _indicators(fronts: Fronts) -> dict[str, Callable[[np.ndarray], float]]:
         "IGD+": lambda front: moocore.igd_plus(normalise(front), ref=best),
         "additive ε": lambda front: moocore.epsilon_additive(normalise(front), ref=best),
     }
-
-
-def _compare(name: str, measure: Callable[[np.ndarray], float], fronts: Fronts) -> SampleComparison:
-    """Return the comparison of an indicator of both families' fronts."""
-    ours, theirs = (np.array([float(measure(front)) for front in fronts[family]]) for family in FAMILIES)
-    return compare_samples(ours, theirs, maximised=name == "hypervolume")
-
-
-def _log_scale(front: np.ndarray) -> np.ndarray:
-    """Return error, speed and roughness as powers of ten; the margin unchanged."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(np.isfinite(LEAST), np.log10(np.maximum(front, LEAST)), front)

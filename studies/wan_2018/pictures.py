@@ -63,27 +63,24 @@ def draw(folder: Path, tables: Sequence[Resolved]) -> list[Path]:
     for name, (table, method, panels) in FIGURES.items():
         resolved = by_table[table]
         files.append(folder / f"{name}.png")
-        _draw(files[-1], name, method, resolved.motions[method][resolved.nearest_start()], panels)
+        motion = resolved.motions[method][resolved.nearest_start()]
+        number = name.partition("_quad")[0].replace("_0", "_").replace("_", " ").capitalize()
+        instants = [value for (figure, event, _), value in paper().items() if figure == number and event in TIMES]
+        rows = (len(panels) + 1) // 2
+        with drawing(files[-1], (8.0, 2.1 * rows + 0.4)) as figure:
+            grid = figure.subplots(rows, 2, sharex=True).ravel()
+            for letter, axes, panel in zip("abcdefgh", grid, panels, strict=False):
+                values = panel.values(motion)
+                lines = axes.plot(motion.time[: len(values)], values, linewidth=1.0)
+                for event in instants:
+                    axes.axvline(event, color=PAPER.quiet, linestyle=":", linewidth=0.8)
+                axes.set_title(f"{letter}) {panel.label}")
+                if panel in (POSITIONS, ERRORS):
+                    axes.legend(lines, panel.lines, frameon=False, fontsize=6.5, ncols=2)
+            for axes in grid[len(panels) :]:
+                axes.set_axis_off()
+            for axes in grid[len(panels) - 2 : len(panels)]:
+                axes.tick_params(labelbottom=True)
+                axes.set_xlabel("time [s]")
+            figure.suptitle(f"{number}, {method}" + ("; dotted: the times that the paper tells" if instants else ""))
     return files
-
-
-def _draw(file: Path, name: str, method: str, motion: ResolvedMotion, panels: Sequence[Panel]) -> None:
-    number = name.partition("_quad")[0].replace("_0", "_").replace("_", " ").capitalize()
-    instants = [value for (figure, event, _), value in paper().items() if figure == number and event in TIMES]
-    rows = (len(panels) + 1) // 2
-    with drawing(file, (8.0, 2.1 * rows + 0.4)) as figure:
-        grid = figure.subplots(rows, 2, sharex=True).ravel()
-        for letter, axes, panel in zip("abcdefgh", grid, panels, strict=False):
-            values = panel.values(motion)
-            lines = axes.plot(motion.time[: len(values)], values, linewidth=1.0)
-            for event in instants:
-                axes.axvline(event, color=PAPER.quiet, linestyle=":", linewidth=0.8)
-            axes.set_title(f"{letter}) {panel.label}")
-            if panel in (POSITIONS, ERRORS):
-                axes.legend(lines, panel.lines, frameon=False, fontsize=6.5, ncols=2)
-        for axes in grid[len(panels) :]:
-            axes.set_axis_off()
-        for axes in grid[len(panels) - 2 : len(panels)]:
-            axes.tick_params(labelbottom=True)
-            axes.set_xlabel("time [s]")
-        figure.suptitle(f"{number}, {method}" + ("; dotted: the times that the paper tells" if instants else ""))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -33,8 +33,8 @@ from studies.wan_2018.methods import (
 )
 
 FOURTH = 3  # joint 4, counted from 0
+EVENTS_TITLE = "events of the figures, medians over starts"
 AT_LIMIT = 0.02  # share of its range: a joint nearer to a limit than this is at it
-FOLLOWED = 1e-3  # m, rad: errors of a motion that follows its path
 READINGS = ("ZYZ", "ZXZ", "ZYX", "XYZ", "zyx", "xyz")  # axes of Euler angles; capitals are intrinsic
 REASONS = {
     "Table 2": "the paper prints no start: these are all over the first pose's self-motion",
@@ -51,7 +51,12 @@ def table_rows(resolved: Resolved) -> list[Row]:
     """Return medians over starts of the greatest errors, results on limits, and which method errs less."""
     rows = [row for name in resolved.motions for row in _error_rows(resolved, name)]
     rows += [row for name, motion in resolved.motions.items() for row in _limit_rows(resolved.table, name, motion)]
-    return rows + _comparison_rows(resolved)
+    first, title = resolved.baseline, f"{resolved.table}: which errs less, from the same start"
+    errors = {name: worst_errors(motion).max(axis=1) for name, motion in resolved.motions.items()}
+    for name in (name for name in errors if name != first):
+        place = title, f"{name} beside {first}", "less on its worst axis", "share of starts"
+        rows.append(Row(*place, float((errors[name] < errors[first]).mean())))
+    return rows
 
 
 def _error_rows(resolved: Resolved, name: str) -> list[Row]:
@@ -95,15 +100,11 @@ def euler_rows(table: str, *, population: int) -> list[Row]:
 def _limit_rows(table: str, name: str, motion: ResolvedMotion) -> list[Row]:
     lower, upper = motion.arm.position_limits.T
     margin = np.minimum(motion.q - lower, upper - motion.q) / (upper - lower)
-    at_limit = margin[..., FOURTH] < AT_LIMIT
     fastest = (np.abs(motion.dq) / motion.arm.velocity_limits).max(axis=(1, 2))
     shares = {
-        "joint 4 comes to a limit": (at_limit.any(axis=1), f"within {AT_LIMIT:.0%} of its range"),
-        "joint 4 ends there": (at_limit[:, -1], "those that came there and do not end there were freed"),
+        "joint 4 ends at a limit": (margin[:, -1, FOURTH] < AT_LIMIT, f"within {AT_LIMIT:.0%} of its range"),
         "positions keep their limits": (margin.min(axis=(1, 2)) > -1e-9, ""),
         "velocities keep theirs": (fastest < 1 + 1e-9, f"median of the highest {np.median(fastest):.3g} limits"),
-        "follows the path": (worst_errors(motion).max(axis=1) < FOLLOWED, f"errors below {FOLLOWED:g} m and rad"),
-        "some step damped": ((motion.traces.damping > 0).any(axis=1), ""),
         "some step cut short": (cut_short(motion), "a joint were to turn by more than 1 rad, or posture singular"),
         "limits leave no way on": (
             (motion.traces.status == "limited").any(axis=1),
@@ -114,18 +115,6 @@ def _limit_rows(table: str, name: str, motion: ResolvedMotion) -> list[Row]:
     return [Row(title, name, column, unit, float(share.mean()), note=note) for column, (share, note) in shares.items()]
 
 
-def _comparison_rows(resolved: Resolved) -> list[Row]:
-    first = resolved.baseline
-    errors = {name: worst_errors(motion) for name, motion in resolved.motions.items()}
-    rows, title = list[Row](), f"{resolved.table}: which errs less, from the same start"
-    for name in (name for name in errors if name != first):
-        less, worst = errors[name] < errors[first], errors[name].max(axis=1) < errors[first].max(axis=1)
-        note = "; ".join(f"{axis} {share:.0%}" for axis, share in zip(AXES, less.mean(axis=0), strict=True))
-        column, value = "less on its worst axis", float(worst.mean())
-        rows.append(Row(title, f"{name} beside {first}", column, "share of starts", value, note=note))
-    return rows
-
-
 def running_time_rows(resolved: Resolved, *, rounds: int) -> list[Row]:
     """Return the seconds of one motion by every method, from the start nearest to the paper's."""
     table, path, arm = resolved.table, path_of(resolved.table), pk.arms.wan_7r()
@@ -134,7 +123,14 @@ def running_time_rows(resolved: Resolved, *, rounds: int) -> list[Row]:
         name: partial(pk.resolve, arm, path, method, start=start, limits=limits, unreachable="track")
         for name, (method, limits) in all_methods(table).items()
     }
-    elapsed = {name: float(np.median(seconds)) for name, seconds in _seconds(calls, rounds).items()}
+    taken: dict[str, list[float]] = {name: [] for name in calls}
+    for turn in range(rounds + 1):  # alternating; the first is not counted
+        tell(f"times of {len(calls)} calls, round {turn} of {rounds}")
+        for name, call in calls.items():
+            clock = time.perf_counter()
+            call()
+            taken[name].append(time.perf_counter() - clock)
+    elapsed = {name: float(np.median(seconds[1:])) for name, seconds in taken.items()}
     printed = {name: paper().get((table, "running time", paper_name(name))) for name in elapsed}
 
     def row(name: str, column: str, unit: str, ours: float, reference: float | None, note: str) -> Row:
@@ -146,30 +142,11 @@ def running_time_rows(resolved: Resolved, *, rounds: int) -> list[Row]:
         for name, seconds in elapsed.items()
     ]
     first = resolved.baseline
-    return rows + [
-        row(
-            name,
-            f"time over {first}'s",
-            "",
-            elapsed[name] / elapsed[first],
-            theirs / (printed[first] or np.nan),
-            WORK[table],
-        )
-        for name, theirs in printed.items()
-        if theirs and name != first
-    ]
-
-
-def _seconds(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, list[float]]:
-    """Return the seconds of every call in several rounds, alternating, after a round that is not counted."""
-    elapsed: dict[str, list[float]] = {name: [] for name in calls}
-    for turn in range(rounds + 1):
-        tell(f"times of {len(calls)} calls, round {turn} of {rounds}")
-        for name, call in calls.items():
-            clock = time.perf_counter()
-            call()
-            elapsed[name].append(time.perf_counter() - clock)
-    return {name: seconds[1:] for name, seconds in elapsed.items()}
+    for name, theirs in printed.items():
+        if theirs and name != first:
+            ratios = elapsed[name] / elapsed[first], theirs / (printed[first] or np.nan)
+            rows.append(row(name, f"time over {first}'s", "", *ratios, WORK[table]))
+    return rows
 
 
 SECOND = 1  # joint 2, counted from 0
@@ -249,7 +226,16 @@ def event_rows(tables: Sequence[Resolved]) -> list[Row]:
             for event in EVENTS.get(method, ()):
                 values = event.measure(motion)
                 rows.append(_row(event, name, method, values, resolved.nearest_start()))
-        rows += _later_rows(resolved) if resolved.table == "Table 2" else []
+        if resolved.table == "Table 2":
+            first = first_damped(resolved.motions[resolved.baseline])
+            note = (
+                "the paper: it is later; a joint in its buffer lowers the clamped Jacobian's singular values from the "
+            )
+            note += "first sample on"
+            for name in VARIANTS:
+                later = float((np.nan_to_num(first_damped(resolved.motions[name]), nan=np.inf) > first).mean())
+                place = EVENTS_TITLE, f"Figure 7, {name}", f"singular later than by {resolved.baseline}"
+                rows.append(Row(*place, "share of starts", later, note=note))
     return rows
 
 
@@ -262,9 +248,8 @@ def _row(event: Event, name: str, method: str, values: np.ndarray, nearest: int)
         f"quartiles {low:.3g} and {high:.3g}, in {len(happens) / len(values):.0%} of motions, in those drawn "
         f"{values[nearest]:.3g}; {reason}"
     )
-    table = "events of the figures, medians over starts"
     unit = "" if event.measure is least_weight else "s"
-    return Row(table, f"{event.figure}, {name}", event.column, unit, float(middle), reference=printed, note=note)
+    return Row(EVENTS_TITLE, f"{event.figure}, {name}", event.column, unit, float(middle), reference=printed, note=note)
 
 
 def _depth_of_weight(weight: float) -> str:
@@ -274,15 +259,3 @@ def _depth_of_weight(weight: float) -> str:
         f"{weight} is that of a joint {depth:.0%} deep in its buffer, {BUFFER * (1 - depth):.0%} of its range from the "
         "limit; no start is printed, and from ours it goes nearer, or not into its buffer"
     )
-
-
-def _later_rows(resolved: Resolved) -> list[Row]:
-    first = first_damped(resolved.motions[resolved.baseline])
-    title, column = "events of the figures, medians over starts", f"singular later than by {resolved.baseline}"
-    note = "the paper: it is later; a joint in its buffer lowers the clamped Jacobian's singular values from the first "
-    note += "sample on"
-    rows = []
-    for name in VARIANTS:
-        later = float((np.nan_to_num(first_damped(resolved.motions[name]), nan=np.inf) > first).mean())
-        rows.append(Row(title, f"Figure 7, {name}", column, "share of starts", later, note=note))
-    return rows

@@ -14,7 +14,7 @@ from paretoik.robot import dynamics
 from paretoik.robot.arms import tringali_3r
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.random_starts import sample_postures
-from paretoik.task.retraction import retract_nearest, task_errors
+from paretoik.task.retraction import task_errors
 from paretoik.task.self_motion import build_charts
 from studies.tringali_2020.extremals import integrate_extremal
 from tests.formulations.problems import panda
@@ -66,11 +66,6 @@ def posture(task, count=1, seed=4):
     q = sample_postures(task, 40, np.random.default_rng(seed))
     jacobian = task_errors(task.arm, task.tasks, q, task.targets[0])[1]
     return q[np.argsort(np.linalg.cond(jacobian), kind="stable")[:count]]
-
-
-def led(task, near):
-    """Return postures moved onto the path's first sample by the shortest way."""
-    return retract_nearest(task.arm, task.tasks, np.array(near), task.targets[0]).q
 
 
 def driving(extremal):
@@ -172,24 +167,6 @@ def test_a_motion_run_backwards_is_a_motion_of_the_path_run_backwards():
     back = integrate_extremal(paper(ends=(TO, FROM)), there.motion.q[-1], rates=-there.dq[-1], tolerance=1e-8)
     np.testing.assert_allclose(back.motion.q[::-1], there.motion.q[::2], atol=1e-5)
     np.testing.assert_allclose(back.dq[::-1], -there.dq[::2], atol=1e-4)
-
-
-def test_finer_steps_and_other_samples_hardly_change_the_motion():
-    finer = best(51, 1e-8)
-    np.testing.assert_allclose(best().motion.q, finer.motion.q[::2], atol=2e-6)
-    np.testing.assert_allclose(best().dq, finer.dq[::2], atol=2e-5)
-    assert float(best().energy) == pytest.approx(float(finer.energy), rel=1e-4)
-
-
-def test_each_motion_of_a_batch_is_what_it_is_alone():
-    task = paper(11)
-    q = posture(task, 4).reshape(2, 2, 3)
-    together = integrate_extremal(task, q, tolerance=1e-6)
-    assert together.motion.q.shape == (2, 2, 11, 3)
-    assert together.energy.shape == (2, 2)
-    alone = integrate_extremal(task, q[1, 0], tolerance=1e-6)
-    np.testing.assert_allclose(together.motion.q[1, 0], alone.motion.q, atol=1e-9)
-    assert together.energy[1, 0] == pytest.approx(float(alone.energy))
 
 
 def test_gravity_plays_no_part_and_a_start_of_the_task_s_own_is_taken():

@@ -31,15 +31,7 @@ from studies.kim_2021.maxima import (
 )
 from studies.kim_2021.pictures import draw
 from studies.kim_2021.postures import Mechanism, continuous, evenly, minimum_timing
-from studies.kim_2021.trajectories import (
-    START,
-    TARGET,
-    cheating,
-    fastest_plan,
-    figure_8,
-    possible_time,
-    trajectory,
-)
+from studies.kim_2021.trajectories import START, TARGET, cheating, fastest_plan, figure_8, possible_time, trajectory
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from studies import significance as study
-from studies.significance import SIGNIFICANCE, bootstrap_interval, compare_samples, holm, union
+from studies.significance import RESAMPLES, bootstrap_interval, compare_samples, holm
 
 
 def test_holm_is_the_textbook_s():
@@ -25,7 +25,7 @@ def test_a12_counts_pairs_of_which_ours_is_better_and_half_of_ties(maximised):
 
 def test_an_interval_is_the_percentiles_of_the_statistic_of_resamples():
     values = np.random.default_rng(3).normal(size=31)
-    draw = np.random.default_rng(0).integers(0, 31, size=(SIGNIFICANCE.resamples, 31))
+    draw = np.random.default_rng(0).integers(0, 31, size=(RESAMPLES, 31))
     expected = np.percentile(values[draw].mean(axis=1), [2.5, 97.5])
     np.testing.assert_allclose(bootstrap_interval(np.mean, values), expected, rtol=1e-12)
 
@@ -72,14 +72,3 @@ def test_the_union_itself_scores_best_and_units_do_not_matter():
     scale = np.array([1000.0, 0.01])
     assert study.scores((union[5:15] + 0.01) * scale, union * scale) == pytest.approx(part)
     assert study.scores(np.empty((0, 2)), union)["hypervolume"] == 0.0
-
-
-def test_the_union_is_dominated_by_no_front_and_holds_none_of_the_dominated():
-    rng = np.random.default_rng(2)
-    fronts = [rng.uniform(size=(20, 2)) for _ in range(3)]
-    every, undominated = np.concatenate(fronts), union(fronts)
-    better = np.all(every[:, None] <= undominated[None], axis=2) & np.any(every[:, None] < undominated[None], axis=2)
-    assert not better.any()
-    assert len(undominated) == sum(
-        not np.any(np.all(every <= one, axis=1) & np.any(every < one, axis=1)) for one in every
-    )

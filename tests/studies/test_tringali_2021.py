@@ -16,12 +16,7 @@ from paretoik.resolution.horizon import quartic_spline
 from problems import tringali_2021
 from studies.reporting import Row
 from studies.tringali_2021 import __main__ as study
-from studies.tringali_2021.readings import (
-    READINGS,
-    Reading,
-    reading_row,
-    slsqp,
-)
+from studies.tringali_2021.readings import READINGS, Reading, reading_row, slsqp
 from studies.tringali_2021.splines import thrice_continuous
 from studies.tringali_2021.trajectories import (
     NUMBERS,
@@ -114,7 +109,7 @@ def test_a_reading_that_changes_nothing_is_the_method_itself(trajectories):
 
 def test_the_held_posture_gives_the_text_s_numbers_of_trajectory_4():
     (held,) = (reading for reading in READINGS if "posture held" in reading.name)
-    row = reading_row(held, "fitted", numbers=(4,))
+    row = reading_row(held.name, "fitted", numbers=(4,))
     assert abs(row.ours) < 1.0
     told = row.note.split("what the text says of them: ")[1].removesuffix(" %").split(", ")
     assert len(told) == 3
@@ -151,7 +146,7 @@ def test_pictures_are_drawn_and_rows_written(trajectories, tmp_path, monkeypatch
     for slow in ("real_time_rows", "schedule_rows", "spline_rows", "other_way_rows", "_window_rows"):
         monkeypatch.setattr(study, slow, lambda *_, **__: [])
     monkeypatch.setattr(study, "processes", lambda _: nullcontext())
-    for slow in ("circle_row", "named_reading_row"):
+    for slow in ("circle_row", "reading_row"):
         monkeypatch.setattr(study, slow, lambda *_, **__: Row("", "", "", "", 0.0))
     study.main(["--quick", "--json", str(tmp_path / "rows.json"), "--out", str(tmp_path / "drawn")])
     rows = json.loads((tmp_path / "rows.json").read_text())

@@ -12,7 +12,7 @@ from paretoik.trajectory.motion_terms import joint_distance
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020, tringali_2021
-from studies.benchmarks.basins.cases import ur10
+from studies.benchmarks.basins import ur10
 
 
 def test_the_printed_arm_has_five_unconstrained_energy_optima():

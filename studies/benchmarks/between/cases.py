@@ -1,9 +1,14 @@
-"""Random problems with active limits: the best motion without limits exceeds them."""
+"""Random problems with active limits, which the best motion without limits exceeds; how far motions exceed limits.
+
+Motions are judged by positions ``at(t)`` on a finer grid. Velocities and accelerations are differences of positions at
+distances of ``STEP`` of a sample's interval, all on one side of the instant, towards the middle of the interval: the
+acceleration may have kinks at samples. Shorter steps would show the error of Newton's method onto the path.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -12,6 +17,7 @@ import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach, SolverFailed
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import InteriorPointOptions
+from paretoik.task.differences import Derivatives
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -19,6 +25,35 @@ from paretoik.task.obstacles import Obstacle
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.transcription import motion_program
 from problems import panda
+
+FINER = 50
+STEP = 1 / 40  # of an interval: five of them fit into half of it
+FORWARD = {  # weights of six neighbours for the first and second derivative (Fornberg 1988, table 3)
+    1: (-137 / 60, 5.0, -5.0, 10 / 3, -5 / 4, 1 / 5),
+    2: (15 / 4, -77 / 6, 107 / 6, -13.0, 61 / 12, -5 / 6),
+}
+
+
+def worst_violation(task: MotionTask, motion: Motion, finer: int = FINER) -> tuple[float, str]:
+    """Return a motion's largest violation of a limit, a share of its range, and its place in words."""
+    step = STEP * float(np.diff(task.times).min())
+    share = np.arange(finer + 1) / finer
+    times = task.times[:-1, None] + np.diff(task.times)[:, None] * share
+    halves = times[:, share < 0.5].ravel(), times[:, share >= 0.5].ravel()
+    judged = [motion_at(motion, half, side * step) for half, side in zip(halves, (1, -1), strict=True)]
+    values = [float(task.violations(each).max(initial=0.0)) for each in judged]
+    worst = int(np.argmax(values))
+    return values[worst], task.describe_violation(judged[worst])
+
+
+def motion_at(motion: Motion, times: np.ndarray, step: float) -> Motion:
+    """Return a motion's positions at times, and velocities and accelerations by differences of positions."""
+    ahead = (times[:, None] + step * np.arange(6)).ravel()
+    places = motion.at(np.clip(ahead, motion.time[0], motion.time[-1])).reshape(len(times), 6, -1)
+    dq, ddq = (np.einsum("k,tkj->tj", FORWARD[order], places) / step**order for order in (1, 2))
+    rates = Derivatives(dq=dq, ddq=ddq, jerk=np.zeros_like(dq), velocity_bounds=dq.copy())
+    return replace(motion, time=times, q=places[:, 0], cyclic=False, derivatives=rates)
+
 
 KINDS = ("velocity", "acceleration", "torque", "clearance", "position")
 
@@ -135,10 +170,14 @@ def minimise_from(task: MotionTask, q: Float[np.ndarray, "starts time dof"]) -> 
 
 def random_path(rng: np.random.Generator, *, spatial: bool, samples: int) -> tuple[pk.Arm, pk.Path, bool]:
     """Return a planar arm or the Panda, a path for it, and whether it is a cycle."""
-    return (_spatial if spatial else _planar)(rng, samples)
-
-
-def _planar(rng: np.random.Generator, samples: int) -> tuple[pk.Arm, pk.Path, bool]:
+    if spatial:
+        middle = np.array([rng.uniform(0.4, 0.5), 0.0, rng.uniform(0.3, 0.5)])
+        across = np.array([rng.uniform(-0.1, 0.1), rng.uniform(0.15, 0.25), rng.uniform(-0.1, 0.1)])
+        ends = [middle - across, middle + across]
+        if rng.random() < 0.5:
+            first, last = (pk.Pose.from_rpy(tuple(end), panda.DOWN) for end in ends)
+            return panda.panda(), pk.line(first, last, duration=1.5, samples=samples), False
+        return panda.panda(), pk.line(*ends, duration=1.5, samples=samples), False
     dof = int(rng.integers(3, 6))
     lengths = rng.uniform(0.15, 0.35, dof)
     masses = rng.uniform(0.3, 1.5, dof)
@@ -152,21 +191,17 @@ def _planar(rng: np.random.Generator, samples: int) -> tuple[pk.Arm, pk.Path, bo
     return arm, pk.line(middle - across, middle + across, duration=1.0, samples=samples), False
 
 
-def _spatial(rng: np.random.Generator, samples: int) -> tuple[pk.Arm, pk.Path, bool]:
-    middle = np.array([rng.uniform(0.4, 0.5), 0.0, rng.uniform(0.3, 0.5)])
-    across = np.array([rng.uniform(-0.1, 0.1), rng.uniform(0.15, 0.25), rng.uniform(-0.1, 0.1)])
-    ends = [middle - across, middle + across]
-    if rng.random() < 0.5:
-        first, last = (pk.Pose.from_rpy(tuple(end), panda.DOWN) for end in ends)
-        return panda.panda(), pk.line(first, last, duration=1.5, samples=samples), False
-    return panda.panda(), pk.line(*ends, duration=1.5, samples=samples), False
-
-
 def _active(kind: str, best: Motion, rng: np.random.Generator) -> tuple[pk.Limits, tuple[Obstacle, ...]]:
     """Return limits of a kind that a motion exceeds, and obstacles."""
     share = rng.uniform(*OPTIONS.share, size=best.arm.dof)
     if kind == "clearance":
-        return pk.Limits(clearance=0.005), (_obstacle(best, rng),)
+        # an obstacle near the elbow at a random time, a little too near
+        nodes = best.links[int(rng.integers(len(best.time) // 4, 3 * len(best.time) // 4))]
+        elbow, radius = nodes[len(nodes) // 2], 0.03
+        away = np.append(rng.normal(size=2), 0.0) if best.arm.is_planar else rng.normal(size=3)
+        centre = elbow + (radius + 0.015 - OPTIONS.depth) * away / np.linalg.norm(away)
+        near = pk.obstacles.Circle(centre[:2], radius) if best.arm.is_planar else pk.obstacles.Sphere(centre, radius)
+        return pk.Limits(clearance=0.005), (near,)
     if kind in ("torque", "position"):
         values = best.torque if kind == "torque" else best.q
         middle, half = (values.max(axis=0) + values.min(axis=0)) / 2, share * np.ptp(values, axis=0) / 2
@@ -176,13 +211,3 @@ def _active(kind: str, best: Motion, rng: np.random.Generator) -> tuple[pk.Limit
     largest = np.abs(best.dq if kind == "velocity" else best.ddq).max(axis=0)
     bound = share * np.maximum(largest, 0.05 * largest.max())
     return (pk.Limits(velocity=bound) if kind == "velocity" else pk.Limits(acceleration=bound)), ()
-
-
-def _obstacle(best: Motion, rng: np.random.Generator) -> Obstacle:
-    """Return an obstacle near the elbow at a random time, a little too near."""
-    nodes = best.links[int(rng.integers(len(best.time) // 4, 3 * len(best.time) // 4))]
-    elbow = nodes[len(nodes) // 2]
-    radius = 0.03
-    away = np.append(rng.normal(size=2), 0.0) if best.arm.is_planar else rng.normal(size=3)
-    centre = elbow + (radius + 0.015 - OPTIONS.depth) * away / np.linalg.norm(away)
-    return pk.obstacles.Circle(centre[:2], radius) if best.arm.is_planar else pk.obstacles.Sphere(centre, radius)

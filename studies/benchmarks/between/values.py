@@ -2,22 +2,19 @@
 
     python -m studies.benchmarks.between.values [--quick] [--cases N] [--seed N] [--json FILE]
 
-Random planar arms and the Panda on lines and circles, without limits on acceleration, start and end free. Each case has
-three objectives: an integral, a peak, and a third: a peak of torques, a travel or a mechanical energy. Small fronts are
-searched and 40 points of each refined. "true" is a value on a grid 200 times finer than the samples, with velocities
-and accelerations by differences of the positions ``at(t)``. "stated" is the largest error of the refined points'
-values, a share of the value; "before" is the same for the values of the spline before its projection, as paretoik 0.0
-had them. "velocity" is the distance of ``motion.dq`` from ``motion.state`` at samples, a share of its range. "gain" is
-how much refinement lowers the true values of the search's points: the least of the objectives' gains, in ranges of the
-front; it is below 0 if a point is worse on the curve. Losses are printed first.
+Random arms on lines and circles, without limits on acceleration, ends free; small fronts are searched and 40 points of
+each refined. "true" is a value on a grid 200 times finer, by differences of ``at(t)``. "stated" is the largest error of
+the refined points' values, a share of the value; "before" is the same for the spline before its projection. "velocity"
+is the distance of ``motion.dq`` from ``motion.state`` at samples, a share of its range. "gain" is the least by which
+refinement lowers the true value of an objective, in ranges of the front; below 0, a point is worse on the curve.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -26,9 +23,8 @@ import paretoik as pk
 from paretoik.errors import ParetoikError
 from paretoik.task.differences import evaluate_with_midpoints
 from paretoik.task.motion import Motion
-from studies.benchmarks.between.cases import random_path
-from studies.benchmarks.between.judging import STEP, motion_at
-from studies.reporting import Row, report, study_parser, tell
+from studies.benchmarks.between.cases import STEP, motion_at, random_path
+from studies.reporting import Row, goal_row, report, study_parser, tell
 
 FINER = 200
 GOAL, AGREEMENT = 0.1, 1e-6  # % of a value; share of a range
@@ -37,8 +33,7 @@ POINTS = 40  # of a front that are refined, at most
 OTHERS = (pk.peak_torque, pk.joint_travel, pk.mechanical_energy)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Outcome:
+class Outcome(NamedTuple):
     """A case: errors in % of values, the disagreement of velocities, the least gain, and the statuses."""
 
     name: str
@@ -61,7 +56,10 @@ def run_case(number: int, rng: np.random.Generator, generations: int) -> Outcome
     assert isinstance(found, Motion)
     assert refined.certificates is not None
     true = true_values(motions, objectives)
-    spline = replace(motions, **_spline_state(motions))
+    time, q, derivatives = evaluate_with_midpoints(motions.spline)  # the state of the spline
+    q[..., ::2, :] = motions.q
+    derivatives = replace(derivatives, velocity_bounds=derivatives.dq.copy())
+    spline = replace(motions, time=time, q=q, derivatives=derivatives)
     before = np.stack([objective(spline) for objective in objectives], axis=1)
     dq, state = motions.dq, motions.state(motions.time[0]).dq
     widths = np.ptp(refined.ranges, axis=1)
@@ -100,37 +98,22 @@ def _values_of_curve(motion: Motion, objectives: Sequence[Any]) -> list[float]:
     ]
 
 
-def _spline_state(motions: Motion) -> dict[str, Any]:
-    """Return the fields of motions by the state of the spline."""
-    time, q, derivatives = evaluate_with_midpoints(motions.spline)
-    q[..., ::2, :] = motions.q
-    return {"time": time, "q": q, "derivatives": replace(derivatives, velocity_bounds=derivatives.dq.copy())}
-
-
 def tables(outcomes: Sequence[Outcome]) -> list[Row]:
-    """Return the table of outcomes, losses first, and that of all."""
-    rows, order = [], sorted(outcomes, key=lambda each: (each.stated <= GOAL, -each.stated))
-    for each in order:
-        for column, value, unit in (
-            ("stated", each.stated, "%"),
-            ("before", each.before, "%"),
-            ("velocity", each.velocity, ""),
-            ("gain", each.gain, "of ranges"),
-        ):
-            rows.append(_row("values", each.name, column, unit, value, note=each.statuses))
-    all_ = {
-        "stated": (max(each.stated for each in outcomes), GOAL, "%"),
-        "before": (max(each.before for each in outcomes), GOAL, "%"),
-        "velocity": (max(each.velocity for each in outcomes), AGREEMENT, ""),
-        "gain": (float(np.nanmin([each.gain for each in outcomes])), 0.0, "of ranges"),
-    }
-    for column, (value, goal, unit) in all_.items():
-        rows.append(_row("all cases", "worst", column, unit, value, goal))
-    return rows
-
-
-def _row(table: str, row: str, column: str, unit: str, ours: float, goal: float | None = None, note: str = "") -> Row:
-    return Row(table, row, column, unit, ours, reference=goal, source="goal", note=note)
+    """Return the table of outcomes, losses first, and the worst of all."""
+    rows, units = list[Row](), {"stated": "%", "before": "%", "velocity": "", "gain": "of ranges"}
+    for each in sorted(outcomes, key=lambda each: (each.stated <= GOAL, -each.stated)):
+        rows += [
+            Row("values", each.name, name, unit, getattr(each, name), note=each.statuses)
+            for name, unit in units.items()
+        ]
+    worst = {name: np.array([getattr(each, name) for each in outcomes]) for name in units}
+    return [
+        *rows,
+        goal_row("all cases", "worst", "stated", "%", worst["stated"].max(), GOAL),
+        goal_row("all cases", "worst", "before", "%", worst["before"].max(), GOAL),
+        goal_row("all cases", "worst", "velocity", "", worst["velocity"].max(), AGREEMENT),
+        goal_row("all cases", "worst", "gain", "of ranges", np.nanmin(worst["gain"]), 0.0, least=True),
+    ]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

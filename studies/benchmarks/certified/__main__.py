@@ -2,40 +2,114 @@
 
     python -m studies.benchmarks.certified [--quick] [--problems NAME ...] [--seed N] [--json FILE]
 
-``pk.epsilon_front`` is run on the energy-torque problem, on a planar 5R arm with two degrees of redundancy, on the
-Panda across its table, by pose and by position only (four degrees of redundancy) within its own limits; and with a peak
-by splines on the 3R arm. For every front the rows say: the certificates' statements; the values by Pinocchio; what
-IPOPT and random feasible steps find that is better than a point; exchange rates compared with differences of
-neighbouring ε-solves; and, on the Panda, seconds per point compared with IPOPT and FATROP.
+Rows of a front of ``pk.epsilon_front``: the certificates' statements; the values by Pinocchio; what IPOPT and random
+feasible steps find that is better than a point; exchange rates compared with differences of neighbouring ε-solves.
+IPOPT starts from every point and minimises each objective below the point's own values of the others. Only our exact
+functions of the motion that it returns, led back to the path, count: limits satisfied to 1e-8, no objective risen. At
+an end of a front a rise of 1e-8 buys 1e-4 elsewhere: if a ceiling slips, IPOPT runs again below a lower one.
 
-IPOPT starts from every point and minimises each objective below the point's own values of the others, with its barrier
-low and high. Only our exact functions of the motion that it returns, led back to the path, count: limits satisfied to
-1e-8 (for splines between samples as well as the point itself does), and no objective risen at all. At an end of a front
-a rise of 1e-8 buys 1e-4 elsewhere. If IPOPT's tolerance lets a ceiling slip, it therefore runs again below a ceiling
-that is lower by as much. Notes say how far away the better motion is: certificates are local, and the optimum of
-another basin may be better.
-
-Seconds: ours are a whole ``epsilon_front`` divided by its points, after a first one that compiles. The peers solve only
-the same ε-problems, each from the motion of the nearest other point of our front: IPOPT over joint positions, FATROP
-over stages of postures and rates. They need no starts, and building and compiling their programs (-O2) is not counted.
+Seconds: ours are a whole front divided by its points, after a first one that compiles. The peers solve the same
+ε-problems, each from the nearest other point of our front; their programs' making and compiling is not counted.
 """
 
 from __future__ import annotations
 
 import tempfile
+import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from paretoik.errors import ParetoikError
-from studies.benchmarks.certified.attacks import exchange_rows, ipopt_rows, perturbation_rows
-from studies.benchmarks.certified.cases import CASES, Case, Subject, certificate_rows, goal_row, subject_of
-from studies.benchmarks.certified.racing import race_rows
-from studies.benchmarks.peers.solvers import COMPILER
-from studies.reporting import Row, losses_first, report, study_parser, tell
+from paretoik.nlp.minimise import minimise
+from paretoik.pareto.sweep import OPTIONS as EPSILON
+from studies.benchmarks.certified.attacks import (
+    DOMINATED,
+    exchange_rows,
+    ipopt_rows,
+    led_back,
+    objectives,
+    perturbation_rows,
+    violation,
+)
+from studies.benchmarks.certified.cases import CASES, HOLDS, Case, Subject, certificate_rows, subject_of
+from studies.benchmarks.peers.solvers import COLD, COMPILER, WARM, Peer
+from studies.reporting import Row, goal_row, losses_first, report, study_parser, tell, versus
 
+REACHED = 1e-6  # of the ranges: a result this near our point, or better, has reached it
+GOAL = 1.0
 QUICK = {"energy_torque": 6, "Panda": 3}  # points
 FEW = 3  # points of other problems with --quick
 STEPS, QUICK_STEPS = 300, 60  # random steps from every point
+
+
+class Solved(NamedTuple):
+    """Seconds on one ε-problem, whether it reached our point, and its gain if no objective has risen."""
+
+    seconds: float
+    reached: bool
+    gain: float
+
+
+def race_rows(subject: Subject) -> list[Row]:
+    """Return the peers' gains, and our seconds per point and per solve compared with theirs."""
+    table, points, rows = subject.name, range(len(subject.q)), list[Row]()
+    a_point, one_solve, over = "seconds a point", "one solve from a neighbour", "all over points reached"
+    ours = subject.seconds / len(points)
+    own = [solve_epsilon(subject, point, None) for point in points]
+    own_middle, own_each, own_reached = _summary(own)
+    peers = {"IPOPT": subject.peer} | ({"FATROP": subject.staged} if subject.staged is not None else {})
+    for name, peer in peers.items():
+        tries = [solve_epsilon(subject, point, peer) for point in points]
+        middle, each, reached = _summary(tries)
+        note = f"{len(points)} points in {subject.seconds:.1f} s (processor {subject.cpu:.1f} s); {name} "
+        note += f"{sum(one.seconds for one in tries):.1f} s, reaches {reached} of them"
+        gains = [one.gain for one in tries]
+        beaten = f"{sum(gain > DOMINATED for gain in gains)} points beaten"
+        solves = f"ours reach {own_reached} of {len(own)}"
+        rows += [
+            Row(table, f"{name} from neighbours", "largest gain, no loss", "share of range", max(gains), note=beaten),
+            versus(table, a_point, f"beside {name}'s median", "s", ours, middle, goal=GOAL, note=note),
+            versus(table, a_point, f"beside {name}'s {over}", "s", ours, each, goal=GOAL, note=note),
+            versus(table, one_solve, f"beside {name}, medians", "s", own_middle, middle, note=solves),
+            versus(table, one_solve, f"beside {name}, {over}", "s", own_each, each),
+        ]
+    return rows
+
+
+def _summary(tries: list[Solved]) -> tuple[float, float, int]:
+    """Return the median of seconds, those of all divided by the points reached, and how many these are."""
+    reached = sum(one.reached for one in tries)
+    seconds = [one.seconds for one in tries]
+    return float(np.median(seconds)), sum(seconds) / reached if reached else np.inf, reached
+
+
+def solve_epsilon(subject: Subject, point: int, peer: Peer | None) -> Solved:
+    """Return a peer's result, or ours, on a point's ε-problem: from the nearest other point, twice if it fails."""
+    shares, program, count = subject.values / subject.ranges, subject.program, len(subject.ranges)
+    distances = np.linalg.norm(shares - shares[point], axis=1)
+    distances[point] = np.inf
+    start, main = subject.q[int(distances.argmin())], int(subject.certificates.weights[point].argmax())
+    ceilings = np.where(np.arange(count) == main, np.inf, subject.values[point])
+    factors, caps = np.zeros((1, len(program.totals))), np.full((1, len(program.totals)), np.inf)
+    factors[0, main], caps[0, :count] = 1.0, ceilings / subject.ranges
+    started, end = time.perf_counter(), None
+    for settings, rules in ((WARM, EPSILON.warm), (COLD, EPSILON.cold)):
+        if peer is None:
+            solutions = minimise(program, start[None], factors, caps, rules)
+            end = solutions.x[0] if solutions.converged[0] else None
+        else:
+            end = peer.solve(start, main, ceilings, subject.ranges, settings).motion
+        if end is not None:
+            break
+    seconds = time.perf_counter() - started
+    motion = None if end is None else led_back(subject.task, end)
+    if motion is None or violation(subject.task, motion) > HOLDS:
+        return Solved(seconds, False, 0.0)
+    rise = (objectives(subject.task, motion) - subject.values[point]) / subject.ranges
+    return Solved(seconds, bool(rise.max() <= REACHED), -float(rise.min()) if rise.max() <= 0 else 0.0)
 
 
 def rows_of(case: Case, subject: Subject, *, quick: bool, seed: int) -> list[Row]:

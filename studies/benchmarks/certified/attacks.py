@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import permutations
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.program import Solutions
 from paretoik.pareto.sweep import OPTIONS as EPSILON
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract_nearest
 from paretoik.trajectory.motion_terms import MotionLinearisation, joint_distance
 from paretoik.trajectory.tightening import violation_between
-from studies.benchmarks.certified.cases import HOLDS, Subject, goal_row
+from studies.benchmarks.certified.cases import HOLDS, Subject
 from studies.benchmarks.peers.solvers import COLD, WARM
-from studies.reporting import Row
+from studies.reporting import Row, goal_row
 
 DOMINATED = 1e-7  # of the ranges
 ROUNDING = 1e-13  # of the ranges: a smaller rise does not count
@@ -28,20 +27,22 @@ KNOTS = (4, 8, 16, 32)  # of their splines
 ROUNDS = 6  # of Newton's steps back within the limits
 
 
-@dataclass(frozen=True, kw_only=True)
-class Attempt:
-    """The result of an attempt on a point.
+class Attempt(NamedTuple):
+    """An attempt on a point: its gain, a share of the ranges, −inf without one that counts; its distance [rad, RMS].
 
-    ``gain`` is a share of the ranges, −inf without a result; ``ended`` says whether there is a motion, ``counts``
-    whether it satisfies the path, the limits and the ceilings; ``distance`` [rad, RMS] is its distance from the point.
+    ``ended`` says whether there is a motion.
     """
 
     point: int
     how: str
-    gain: float
     ended: bool
-    counts: bool
+    gain: float = -np.inf
     distance: float = np.nan
+
+    @property
+    def counts(self) -> bool:
+        """Whether it satisfies the path, the limits and the ceilings."""
+        return np.isfinite(self.distance)
 
 
 def ipopt_rows(subject: Subject, *, barriers: Sequence[str]) -> list[Row]:
@@ -67,28 +68,21 @@ def ipopt_attempt(subject: Subject, point: int, main: int, *, warm: bool) -> Att
     for _ in range(AGAIN):
         end = subject.peer.solve(q, main, ceilings, ranges, WARM if warm else COLD).motion
         if end is None:
-            return Attempt(point=point, how=how, gain=-np.inf, ended=False, counts=False)
+            return Attempt(point, how, False)
         motion = led_back(subject.task, end)
-        if motion is None or not keeps_limits(subject, point, motion):
-            return Attempt(point=point, how=how, gain=-np.inf, ended=True, counts=False)
+        if motion is None or violation(subject.task, motion) > HOLDS:
+            return Attempt(point, how, True)
+        between = subject.certificates.violation_between[point] + HOLDS  # a spline as well as the front's point
+        if subject.task.differences == "spline" and violation_between(subject.task, motion) > between:
+            return Attempt(point, how, True)
         rise = (objectives(subject.task, motion) - values) / ranges
         others = np.delete(rise, main)
         if others.max() <= ROUNDING:
             gain = float(-rise.min()) if rise.max() <= ROUNDING else -np.inf
             distance = float(joint_distance(subject.task, motion, q))
-            return Attempt(point=point, how=how, gain=gain, ended=True, counts=True, distance=distance)
+            return Attempt(point, how, True, gain, distance)
         ceilings = ceilings - 2 * np.maximum(rise, 0.0) * ranges
-    return Attempt(point=point, how=how, gain=-np.inf, ended=True, counts=False)
-
-
-def keeps_limits(subject: Subject, point: int, q: np.ndarray) -> bool:
-    """Return whether a motion satisfies its limits, a spline between samples as well as a point of the front does."""
-    task = subject.task
-    if violation(task, q) > HOLDS:
-        return False
-    if task.differences != "spline":
-        return True
-    return violation_between(task, q) <= subject.certificates.violation_between[point] + HOLDS
+    return Attempt(point, how, True)
 
 
 def perturbation_rows(subject: Subject, *, steps: int, seed: int) -> list[Row]:
@@ -109,11 +103,11 @@ def perturbations(subject: Subject, point: int, steps: int, rng: np.random.Gener
         how = f"a step of {size:g} rad" + (" that changes no objective to first order" if level else "")
         motion = within(at, random_step(at, size, rng), level=level)
         if motion is None:
-            tries.append(Attempt(point=point, how=how, gain=-np.inf, ended=False, counts=False))
+            tries.append(Attempt(point, how, False))
             continue
         gain = float(((subject.values[point] - objectives(subject.task, motion)) / subject.ranges).min())
         distance = float(joint_distance(subject.task, motion, subject.q[point]))
-        tries.append(Attempt(point=point, how=how, gain=gain, ended=True, counts=True, distance=distance))
+        tries.append(Attempt(point, how, True, gain, distance))
     return tries
 
 
@@ -183,9 +177,8 @@ UNIQUE = 1e-6  # relative width below which an interval is a rate
 TABLE_ROW = "exchange rates, differences"
 
 
-@dataclass(frozen=True, kw_only=True)
-class RateComparison:
-    """A rate ∂f_j/∂f_i, NaN if it is not unique, its interval, and the quotients of neighbouring solves.
+class RateComparison(NamedTuple):
+    """A rate ∂f_j/∂f_i, NaN if it is not unique, its interval, and quotients of neighbouring solves.
 
     The quotients use the solves below (backward), above (forward) and both (central).
     """
@@ -264,8 +257,14 @@ def compare_rate(subject: Subject, point: int, i: int, j: int) -> RateComparison
     factors, caps = np.zeros((1, total)), np.full((3, total), np.inf)
     factors[0, :count] = np.where(added, weights / weights[j], 0.0)
     caps[:, :count] = np.where(added, np.inf, subject.values[point] / subject.ranges)
-    got = _neighbouring_solves(subject, point, i, factors, caps)
-    if got is None:
+    q = subject.q[point]
+    for step in SHARES:  # solves below, at and above the ceiling on f_i in the point's own valley
+        upper = caps.copy()
+        upper[:, i] += step * np.array([-1.0, 0.0, 1.0])
+        got = minimise(subject.program, np.repeat(q[None], 3, axis=0), factors, upper, EPSILON.near)
+        if got.converged.all() and joint_distance(subject.task, q, got.x).max() <= STAY:
+            break
+    else:
         return None
     signs = np.array([one.sign for one in subject.task.objectives])
     natural = (subject.ranges * signs)[[i, j]]
@@ -274,27 +273,6 @@ def compare_rate(subject: Subject, point: int, i: int, j: int) -> RateComparison
     def quotient(one: np.ndarray, other: np.ndarray) -> float:
         return float((other[1] - one[1]) / (other[0] - one[0]))
 
-    return RateComparison(
-        point=point,
-        i=i,
-        j=j,
-        rate=float(subject.certificates.exchange_rates[point, i, j]),
-        interval=subject.certificates.exchange_intervals[point, i, j],
-        backward=quotient(low, middle),
-        forward=quotient(middle, high),
-        central=quotient(low, high),
-    )
-
-
-def _neighbouring_solves(
-    subject: Subject, point: int, i: int, factors: np.ndarray, caps: np.ndarray
-) -> Solutions | None:
-    """Return the solves below, at and above the ceiling on f_i in the point's own valley."""
-    q = subject.q[point]
-    for step in SHARES:
-        upper = caps.copy()
-        upper[:, i] += step * np.array([-1.0, 0.0, 1.0])
-        solutions = minimise(subject.program, np.repeat(q[None], 3, axis=0), factors, upper, EPSILON.near)
-        if solutions.converged.all() and joint_distance(subject.task, q, solutions.x).max() <= STAY:
-            return solutions
-    return None
+    rates, intervals = subject.certificates.exchange_rates, subject.certificates.exchange_intervals
+    quotients = quotient(low, middle), quotient(middle, high), quotient(low, high)
+    return RateComparison(point, i, j, float(rates[point, i, j]), intervals[point, i, j], *quotients)

@@ -1,10 +1,8 @@
 """Tests of the exact step: ``python -m studies.benchmarks.closed_loop.exactness [--quick] [--json FILE]``.
 
-It is compared with dense searches by NumPy, on steps of random arms.
-
-Arms have three or four links of random lengths, with or without obstacles near them. Their joints move freely or, as
-in the default loop, by at most a longest step and clear of obstacles all the way. A dense search evaluates steps at all
-distances from the one of least displacement, and then finer and finer around the best of them.
+It is compared with dense searches by NumPy, on steps of random arms with three or four links, with or without
+obstacles. Joints move freely or, as in the default loop, by at most a longest step and clear of obstacles all the way.
+A dense search evaluates steps at all distances from the one of least displacement, then finer around the best of them.
 """
 
 from __future__ import annotations
@@ -19,7 +17,7 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot.kinematics import forward_kinematics
 from paretoik.task.obstacles import Obstacle
 from studies.marcos_2012.exact_loop import OPTIONS, exact_step
-from studies.reporting import Row, report, study_parser, tell
+from studies.reporting import Row, goal_row, report, study_parser, tell
 
 WEIGHTS = (1.0, 0.9, 0.5, 0.1, 0.0)  # of the displacement
 GOAL = 1e-6
@@ -37,19 +35,10 @@ def exactness_rows(each: int, steps: int) -> list[Row]:
                 steps_of = [step for seed in range(each) for step in random_steps(links, seed, steps, longest, blocked)]
                 tell(f"{links}R, longest step {longest:g}{', obstacles' if blocked else ''}: {len(steps_of)} steps")
                 worst = max(advantage(step, k) for k, step in enumerate(steps_of))
-                kind = "of any length" if np.isinf(longest) else "swept"
-                rows.append(
-                    Row(
-                        "the exact step beside dense searches",
-                        f"{links}R, steps {kind}{', obstacles' if blocked else ''}",
-                        "a dense search is better by",
-                        "of the range",
-                        worst,
-                        reference=GOAL,
-                        source="goal",
-                        note=f"{'' if worst <= GOAL else 'MISSED: '}{len(steps_of)} steps of {each} arms",
-                    )
-                )
+                end = ", obstacles" if blocked else ""
+                kind = f"{links}R, steps {'of any length' if np.isinf(longest) else 'swept'}{end}"
+                place = "the exact step beside dense searches", kind, "a dense search is better by", "of the range"
+                rows.append(goal_row(*place, worst, GOAL, f"{len(steps_of)} steps of {each} arms"))
     return rows
 
 

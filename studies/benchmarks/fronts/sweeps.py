@@ -20,7 +20,7 @@ import paretoik as pk
 from paretoik.nlp.minimise import minimise
 from paretoik.pareto.sweep import OPTIONS as EPSILON
 from paretoik.trajectory.transcription import motion_program
-from studies.benchmarks.fronts.cases import CASES, Account, Budget, Run, first_genes, problem_of, verify
+from studies.benchmarks.fronts.methods import CASES, Account, Budget, Run, first_genes, problem_of, verify
 from studies.benchmarks.peers.programs import joint_program, staged_program
 from studies.benchmarks.peers.solvers import COLD, WARM, Peer, compiled
 

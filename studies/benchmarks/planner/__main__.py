@@ -2,15 +2,12 @@
 
     python -m studies.benchmarks.planner [--quick] [--seed N] [--json FILE]
 
-Simulations 1 to 5 of Tringali & Cocuzza 2020, and the energy-torque front, in one run: the
-same discretisation, the same starts and levels, ours and theirs alternating, medians of repeats. FATROP gets optimal
-control, IPOPT joint angles only. Both get lean closed-form dynamics, an iteration cap, the first barrier that serves
-them best, and both cores (one process each), with CasADi's own evaluation and compiled (-O2; compilation is reported,
-not counted).
-
-Their time to the best optimum is the expected one of independent starts: the time of all, shared by both cores, divided
-by the number that ends there; building the program and making the starts are not counted. Ours is a whole ``plan`` that
-gets only the problem; a first one, which compiles, is not timed.
+Simulations 1 to 5 of Tringali & Cocuzza 2020 and the energy-torque front in one run: the same discretisation, starts
+and levels, ours and theirs alternating, medians of repeats. FATROP gets optimal control, IPOPT joint angles only; both
+get lean closed-form dynamics, an iteration cap, the first barrier that serves them best, and both cores, with CasADi's
+own evaluation and compiled. Their time to the best optimum is the expected one of independent starts: the time of all,
+shared by both cores, divided by the number that ends there. Ours is a whole ``plan``; a first one, which compiles, is
+not timed.
 """
 
 from __future__ import annotations
@@ -23,7 +20,7 @@ from studies.benchmarks.peers.solvers import COMPILER
 from studies.benchmarks.planner.questions import Cores
 from studies.benchmarks.planner.simulations import NAMES, Effort, SimulationResult, compare_simulation, forms, sum_rows
 from studies.benchmarks.planner.sweep import sweeps
-from studies.reporting import HALF, Row, losses_first, report, study_parser, tell
+from studies.reporting import Row, losses_first, report, study_parser, tell
 
 
 def simulation_rows(cores: Cores, arms: Sequence[str], effort: Effort, folder: Path) -> list[Row]:
@@ -37,7 +34,7 @@ def simulation_rows(cores: Cores, arms: Sequence[str], effort: Effort, folder: P
             tell(f"{name}, {arm}: side by side")
             each[arm].append(compare_simulation(cores, name, arm, peers[arm], effort))
             rows += each[arm][-1].rows
-    return [row for arm in arms for row in sum_rows(arm, each[arm], HALF)] + rows
+    return [row for arm in arms for row in sum_rows(arm, each[arm])] + rows
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

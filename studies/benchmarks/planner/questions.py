@@ -64,29 +64,20 @@ def task_of(question: Question) -> MotionTask:
 def peer(question: Question) -> Peer:
     """Return the peer of a question, built once per process."""
     task = task_of(question)
-    program = (
-        staged_program(task, capped=range(1, len(task.objectives)))
-        if question.solver == "fatrop"
-        else joint_program(task)
-    )
-    return replace(program, library=question.library)
+    capped, staged = range(1, len(task.objectives)), question.solver == "fatrop"
+    return replace(staged_program(task, capped=capped) if staged else joint_program(task), library=question.library)
 
 
 def answers(question: Question, settings: Settings, starts: np.ndarray, caps: np.ndarray | None = None) -> list[Solved]:
     """Return the solutions from starts (any, samples, 3), the last objective below ``caps``, if any."""
-    asked, ceilings = (
-        peer(question),
-        [None] * len(starts) if caps is None else [np.array([np.inf, cap]) for cap in caps],
-    )
-    return [asked.solve(q, ceilings=each, settings=settings) for q, each in zip(starts, ceilings, strict=True)]
+    ceilings = [None] * len(starts) if caps is None else [np.array([np.inf, cap]) for cap in caps]
+    return [peer(question).solve(q, ceilings=each, settings=settings) for q, each in zip(starts, ceilings, strict=True)]
 
 
 def compile_question(question: Question, folder: Path) -> tuple[Question, float]:
     """Return the question with its functions compiled into a library in ``folder``, and the seconds for that."""
-    started, parts = (
-        time.perf_counter(),
-        (question.solver, question.problem, question.masses, question.samples, question.main),
-    )
+    started = time.perf_counter()
+    parts = question.solver, question.problem, question.masses, question.samples, question.main
     library = compiled(peer(question), "_".join(map(str, parts)), folder).library
     return replace(question, library=library), time.perf_counter() - started
 

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import moocore
 import numpy as np
@@ -20,11 +21,10 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.levels import OPTIONS
 from paretoik.trajectory.plan_starts import initial_motions
 from studies.benchmarks.peers.solvers import COMPILER, LABELS, Solved, Solver
-from studies.benchmarks.planner.optima import distinct
 from studies.benchmarks.planner.questions import CORES, ENERGY, TORQUE, Cores, Question, tracking
-from studies.benchmarks.planner.simulations import BEGINNINGS, COARSE, WARMS, Effort
+from studies.benchmarks.planner.simulations import BEGINNINGS, COARSE, GOALS, WARMS, Effort, distinct
 from studies.benchmarks.reference_front import REFERENCE_POINT
-from studies.reporting import HALF, Row, tell, timed, versus
+from studies.reporting import Row, tell, timed, versus
 
 PROBLEM, TABLE = "energy_torque", "front"
 POINTS, QUICK_POINTS = 20, 8
@@ -33,8 +33,7 @@ COLD, WARM = BEGINNINGS[1], WARMS[1]
 GROWING = (1.0, 1.15, 1.35, 1.6, 1.9, 2.3)  # levels, as a multiple of our points
 
 
-@dataclass(frozen=True, kw_only=True)
-class Tenacity:
+class Tenacity(NamedTuple):
     """A sweep's work at a level: neighbour's motions followed, optima of single objectives tried, ways swept."""
 
     followed: int
@@ -42,37 +41,21 @@ class Tenacity:
     ways: int
 
 
-LEAN, THOROUGH, ALL = (
-    Tenacity(followed=1, pool=0, ways=1),
-    Tenacity(followed=2, pool=2, ways=2),
-    Tenacity(followed=4, pool=8, ways=2),
-)
+LEAN, THOROUGH, ALL = Tenacity(1, 0, 1), Tenacity(2, 2, 2), Tenacity(4, 8, 2)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Swept:
-    """A sweep's front (points, 2), its hypervolume, its seconds on all cores and the processors', its counts."""
+class Swept(NamedTuple):
+    """A front (points, 2), its hypervolume, its seconds on all cores and the processors'; a sweep's counts."""
 
     F: np.ndarray
     volume: float
     seconds: float
     cpu: float
-    levels: int
-    tenacity: Tenacity
+    levels: int = 0
+    tenacity: Tenacity = LEAN
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Ours:
-    """Our front (points, 2), its hypervolume, its seconds and the processor's."""
-
-    F: np.ndarray
-    volume: float
-    seconds: float
-    cpu: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Questions:
+class Questions(NamedTuple):
     """A sweep's questions: each objective alone at coarse samples and at all, and energy below a torque ceiling."""
 
     coarse: tuple[Question, Question]
@@ -82,18 +65,15 @@ class Questions:
 
 def questions(solver: Solver) -> Questions:
     """Return a solver's questions."""
-    alone = [Question(solver=solver, problem=PROBLEM, main=main) for main in (ENERGY, TORQUE)]
-    return Questions(
-        coarse=(replace(alone[0], samples=COARSE), replace(alone[1], samples=COARSE)),
-        fine=(alone[0], alone[1]),
-        capped=replace(alone[0], main=None),
-    )
+    energy, torque = (Question(solver=solver, problem=PROBLEM, main=main) for main in (ENERGY, TORQUE))
+    coarse = replace(energy, samples=COARSE), replace(torque, samples=COARSE)
+    return Questions(coarse, (energy, torque), replace(energy, main=None))
 
 
 def libraries(cores: Cores, plain: Questions, folder: Path) -> Questions:
     """Return the questions, compiled."""
     compiled = [one for one, _ in cores.compiled([*plain.coarse, *plain.fine, plain.capped], folder)]
-    return Questions(coarse=(compiled[0], compiled[1]), fine=(compiled[2], compiled[3]), capped=compiled[4])
+    return Questions((compiled[0], compiled[1]), (compiled[2], compiled[3]), compiled[4])
 
 
 def sweeps(cores: Cores, folder: Path, effort: Effort, *, quick: bool) -> list[Row]:
@@ -112,8 +92,10 @@ def sweeps(cores: Cores, folder: Path, effort: Effort, *, quick: bool) -> list[R
     needed = dict[str, Swept]()
     for form, ask in forms.items():
         tell(f"front: {form}")
-        needed[form] = _quickest_sweep(_grow_sweeps(cores, ask, problem.task, starts, points, volume), volume)
-    ours, theirs = list[Ours](), {form: list[Swept]() for form in forms}
+        tries = _grow_sweeps(cores, ask, problem.task, starts, points, volume)
+        enough = [one for one in tries if one.volume >= volume * ENOUGH]  # the quickest, or the one with most
+        needed[form] = min(enough, key=lambda one: one.seconds) if enough else max(tries, key=lambda one: one.volume)
+    ours, theirs = list[Swept](), {form: list[Swept]() for form in forms}
     for i in range(effort.repeats):
         tell(f"front: side by side, {i + 1} of {effort.repeats}")
         ours.append(_ours(problem, points, effort))
@@ -123,20 +105,14 @@ def sweeps(cores: Cores, folder: Path, effort: Effort, *, quick: bool) -> list[R
     return [row for form in forms for row in _rows(form, ours, theirs[form])]
 
 
-def _ours(problem: pk.Tracking, points: int, effort: Effort) -> Ours:
+def _ours(problem: pk.Tracking, points: int, effort: Effort) -> Swept:
     front, seconds, cpu = timed(
         lambda: pk.epsilon_front(problem, points=points, starts=effort.starts, seed=effort.seed)
     )
-    return Ours(F=front.objectives, volume=_volume(front.objectives), seconds=seconds, cpu=cpu)
+    return Swept(front.objectives, _volume(front.objectives), seconds, cpu)
 
 
-def _quickest_sweep(tries: Sequence[Swept], volume: float) -> Swept:
-    """Return the quickest sweep with enough hypervolume, or the one with most."""
-    enough = [one for one in tries if one.volume >= volume * ENOUGH]
-    return min(enough, key=lambda one: one.seconds) if enough else max(tries, key=lambda one: one.volume)
-
-
-def _rows(form: str, ours: Sequence[Ours], theirs: Sequence[Swept]) -> list[Row]:
+def _rows(form: str, ours: Sequence[Swept], theirs: Sequence[Swept]) -> list[Row]:
     one, other = ours[0], theirs[0]
     how, row = other.tenacity, f"{len(one.F)} certified points"
     seconds, cpu = (
@@ -148,7 +124,7 @@ def _rows(form: str, ours: Sequence[Ours], theirs: Sequence[Swept]) -> list[Row]
         f"processor time {cpu[0] / cpu[1]:.3g}; theirs {len(other.F)} points: {other.levels} levels, {how.followed} "
         f"branches, {how.pool} cold, {how.ways} way(s){short}"
     )
-    goal = HALF if form.startswith(LABELS["fatrop"]) else None
+    goal = GOALS["best"] if form.startswith(LABELS["fatrop"]) else None
     more = f"relative difference {one.volume / other.volume - 1:.1e}, to (0.065, 0.10)"
     column, unit = f"hypervolume, {form}", "N²m²s J s"
     return [
@@ -223,7 +199,7 @@ def swept(
     front = np.stack(F)
     front = front[moocore.is_nondominated(front, keep_weakly=False)]
     seconds, cpu = sum(one.seconds for one in work) / CORES, sum(one.cpu for one in work)
-    return Swept(F=front, volume=_volume(front), seconds=seconds, cpu=cpu, levels=levels, tenacity=tenacity)
+    return Swept(front, _volume(front), seconds, cpu, levels, tenacity)
 
 
 def _values(task: MotionTask, one: Solved) -> np.ndarray:

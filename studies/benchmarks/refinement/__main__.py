@@ -2,37 +2,185 @@
 
     python -m studies.benchmarks.refinement [--quick] [--counts] [--time-left] [--cases NAME ...] [--json FILE]
 
-A 3R arm and the Panda on their paths, 26 samples, with a smooth objective and with one that has kinks, and sliders from
-point to point, 9 samples. Ours are the interior-point method, which smooths kinks, and SQP with a convex subproblem in
-cvxpy: canonicalised once and run by Clarabel, or solved by cvxpy itself at every step (left out for sliders, a dense
-program, where it takes minutes per start). SciPy's SLSQP and trust-constr get exact derivatives, trust-constr second
-ones too; IPOPT and FATROP get compiled code if there is a compiler. Absolute values are slack variables for all of
-them. Peers' unknowns are joint positions, FATROP's postures and rates in stages (it cannot state splines of sliders).
-For sliders SciPy and IPOPT have our unknowns, functions and sparse derivatives, called from Python. Our exact functions
-judge the results: a result counts if no limit and no equation is violated by more than 1e-6, and its solver reports
-success.
+Ours are the interior-point method, which smooths kinks, and SQP with a convex subproblem in cvxpy: canonicalised once
+and run by Clarabel, or solved by cvxpy itself at every step (not for sliders: minutes a start). SciPy's solvers get
+exact derivatives; IPOPT and FATROP get compiled code, for sliders our functions, called from Python. Absolute values
+are slack variables for all of them. A result counts if our exact functions see no violation above 1e-6 and its solver
+reports success.
 
-Seconds are of the processor, those of all starts divided by the number that counts: failures cost too. Building
-programs, compiling, and a first call are not counted. A peer's row is a loss if it takes less time than "auto", or
-finds a value better by 1e-6 of the objective.
+Seconds are of the processor, those of all starts divided by the number that counts. Building programs, compiling, and a
+first call are not counted. A peer's row is a loss if it takes less time than "auto", or finds a value better by 1e-6.
 
-``--counts`` prints instead how often the default verbs canonicalise and run Clarabel, and the share of their time;
-``--time-left`` prints how often the time left that verbs state is right within a factor of 2.
+``--counts`` prints how often the default verbs canonicalise and run Clarabel; ``--time-left`` judges the stated time
+left.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 
+import paretoik as pk
+from paretoik.nlp import sqp
+from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import CONVERGED, Program, Solver
 from paretoik.runs.machine import single_blas_thread
-from studies.benchmarks.refinement.cases import CASES, Contest, Solve
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import Objective
+from paretoik.trajectory.plan_starts import sample_starts
+from paretoik.trajectory.transcription import motion_program
+from problems import kim_2021, panda, tringali_2020
+from studies.benchmarks.peers.programs import joint_program, staged_program
+from studies.benchmarks.peers.solvers import compiled
 from studies.benchmarks.refinement.counts import count_rows, time_left_rows
+from studies.benchmarks.refinement.nlp import Method, Nlp, dense_nlp, ipopt_solver, motion_nlp, solve_with_scipy
+from studies.benchmarks.refinement.stated import solve_with_cvxpy
 from studies.reporting import LOSS, Row, losses_first, report, study_parser, tell, timed
+
+Move = Callable[[np.ndarray], np.ndarray | None]
+Judge = Callable[[np.ndarray], tuple[float, float]]
+Solve = Callable[[np.ndarray], tuple[float, float] | None]
+STATED = "SQP, each step by cvxpy's own solve"
+SAMPLES, SLIDER_SAMPLES = 26, 9  # of motions, so that dense methods can take part
+METHODS: tuple[Method, ...] = ("SLSQP", "trust-constr")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Contest:
+    """A program's start points (starts, ...), and its solvers by name; ``default`` is the one that "auto" takes.
+
+    A solver returns the objective and the largest violation of its result, None if it reports failure.
+    """
+
+    starts: np.ndarray
+    contestants: dict[str, Solve]
+    default: str
+
+
+class Case(NamedTuple):
+    """A contest by name; ``starts`` is the number of a full run."""
+
+    name: str
+    make: Callable[[int, int, float, Path], Contest]
+    starts: int
+
+
+def judge_all(moves: dict[str, Move], judge: Judge) -> dict[str, Solve]:
+    """Return solvers whose results are judged."""
+
+    def by(move: Move) -> Solve:
+        def solve(x: np.ndarray) -> tuple[float, float] | None:
+            end = move(x)
+            return None if end is None else judge(end)
+
+        return solve
+
+    return {name: by(move) for name, move in moves.items()}
+
+
+def our_solvers(program: Program, weights: np.ndarray) -> dict[str, Move]:
+    """Return those of our solvers that suit a program."""
+
+    def by(solver: Solver) -> Move:
+        def solve(x: np.ndarray) -> np.ndarray | None:
+            solutions = minimise(program, x[None], weights[None], solver=solver)
+            return np.asarray(solutions.x[0]) if solutions.status[0] == CONVERGED else None
+
+        return solve
+
+    def state_solver(x: np.ndarray) -> np.ndarray | None:
+        with patch.object(sqp, "solve_subproblem", solve_with_cvxpy):
+            return by("sqp")(x)
+
+    smooth: dict[str, Move] = {} if program.kernel is None else {"interior point": by("interior-point")}
+    return {**smooth, "SQP by Clarabel": by("sqp"), STATED: state_solver}
+
+
+def scipy_solvers(nlp: Nlp, to: Callable[[np.ndarray], np.ndarray], back: Move, seconds: float) -> dict[str, Move]:
+    """Return SciPy's solvers, each with a limit of seconds per start."""
+
+    def by(method: Method) -> Move:
+        def solve(x: np.ndarray) -> np.ndarray | None:
+            end = solve_with_scipy(nlp, to(x), method, seconds)
+            return None if end is None else back(end)
+
+        return solve
+
+    return {f"SciPy {method}": by(method) for method in METHODS}
+
+
+def motions(
+    make: Callable[[], pk.Tracking],
+    objective: Objective,
+    samples: int,
+    count: int,
+    seed: int,
+    seconds: float,
+    folder: Path,
+) -> Contest:
+    """Return the contest of a problem's task with one objective, at a number of samples."""
+    task = replace(make().task.resample(samples), objectives=(objective,))
+    starts = sample_starts(task, count, np.random.default_rng(seed))
+    scale = float(np.median(objective(task.motion(starts))))
+    program, ranges = motion_program(task, [scale]), np.array([scale])
+    name = f"{objective.name}_{task.arm.dof}"
+    plain = joint_program(task)
+    joint, staged = compiled(plain, name, folder), compiled(staged_program(task), f"{name}_staged", folder)
+    ours = our_solvers(program, np.ones(1))
+    moves: dict[str, Move] = {
+        **ours,
+        **scipy_solvers(motion_nlp(plain, scale), lambda q: plain.pack(q, ranges), plain.unpack, seconds),
+        "IPOPT": lambda q: joint.solve(q, ranges=ranges).motion,
+        "FATROP": lambda q: staged.solve(q, ranges=ranges).motion,
+    }
+    return Contest(
+        starts=starts, contestants=judge_all(moves, lambda q: judge_motion(task, q)), default=next(iter(ours))
+    )
+
+
+def judge_motion(task: MotionTask, q: np.ndarray) -> tuple[float, float]:
+    """Return a motion's objective, and its largest violation or tracking error [m, rad]."""
+    motion = task.motion(q)
+    violations = np.append(task.violations(motion), motion.tracking_error)
+    return float(task.objectives[0](motion)), float(violations.max())
+
+
+def sliders(count: int, seed: int, seconds: float, folder: Path) -> Contest:
+    """Return time plus energy, a second counting as a joule, of sliders from point to point."""
+    ends, weights = (kim_2021.START, kim_2021.TARGET), np.ones(2)
+    problem = pk.PointToPoint(pk.arms.kim_3r(), pk.capability.kim_sliders(), *ends, samples=SLIDER_SAMPLES)
+    points = problem.points(problem.sample_starts(4 * count, np.random.default_rng(seed)))
+    points = points[np.isfinite(points).all(axis=1)][:count]
+    program = problem.program()
+    nlp = dense_nlp(program, weights)
+
+    def judge(z: np.ndarray) -> tuple[float, float]:
+        objectives, equalities, inequalities = program.evaluate(z)
+        return float(weights @ objectives), float(max(np.abs(equalities).max(), -inequalities.min()))
+
+    ours = our_solvers(program, weights)
+    del ours[STATED]  # minutes a start
+    peers = scipy_solvers(nlp, lambda z: z, lambda z: z, seconds) | {"IPOPT": ipopt_solver(nlp, points[0])}
+    return Contest(starts=points, contestants=judge_all({**ours, **peers}, judge), default=next(iter(ours)))
+
+
+CASES = (
+    Case("3R, torque norm", partial(motions, tringali_2020.simulation_4, pk.torque_norm, SAMPLES), 12),
+    Case(
+        "3R, mechanical energy: kinks", partial(motions, tringali_2020.simulation_4, pk.mechanical_energy, SAMPLES), 6
+    ),
+    Case("Panda, kinetic energy", partial(motions, panda.across_the_table, pk.kinetic_energy, SAMPLES), 8),
+    Case("Panda, mechanical energy: kinks", partial(motions, panda.across_the_table, pk.mechanical_energy, SAMPLES), 4),
+    Case("sliders from point to point, time and work", sliders, 4),
+)
+
 
 VIOLATION = 1e-6
 BETTER = 1e-6  # share of the objective
@@ -90,15 +238,6 @@ def tabulate(name: str, default: str, ends: dict[str, Ends]) -> list[Row]:
     return rows
 
 
-def contest_rows(name: str, contest: Contest) -> list[Row]:
-    """Run a contest; return its rows."""
-    ends = dict[str, Ends]()
-    for solver, solve in contest.contestants.items():
-        tell(f"{name}: {solver}")
-        ends[solver] = solve_all(solve, contest.starts)
-    return tabulate(name, contest.default, ends)
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the benchmark."""
     parser = study_parser(__doc__, quick="two starts, 10 s each for SciPy")
@@ -120,7 +259,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if case.name in (options.cases or names):
                 tell(f"{case.name}: programs")
                 starts, seconds = (2, QUICK_SECONDS) if options.quick else (case.starts, SECONDS)
-                rows += contest_rows(case.name, case.make(starts, options.seed, seconds, Path(folder)))
+                contest, ends = case.make(starts, options.seed, seconds, Path(folder)), dict[str, Ends]()
+                for solver, solve in contest.contestants.items():
+                    tell(f"{case.name}: {solver}")
+                    ends[solver] = solve_all(solve, contest.starts)
+                rows += tabulate(case.name, contest.default, ends)
     report(losses_first(rows), json_file=options.json)
 
 

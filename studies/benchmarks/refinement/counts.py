@@ -1,10 +1,7 @@
 """Counts of default verbs: conic programs and their share of the time, and the stated time left.
 
-The first row is a process's first plan, which imports cvxpy too. Seconds are of the processor.
-
-The time left that an observer is told is compared with the time that the verb then takes, without compilation. A
-statement is right within a factor of 2, or if both are less than half a second. Only statements in the last 80 % of a
-run count. A search and a plan state none.
+The first row is a process's first plan, which imports cvxpy too. Seconds are of the processor. A stated time left is
+right within a factor of 2, or if both are less than half a second; only statements in the last 80 % of a run count.
 """
 
 from __future__ import annotations

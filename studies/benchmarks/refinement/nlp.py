@@ -47,14 +47,9 @@ def motion_nlp(peer: Peer, scale: float) -> Nlp:
     numbers = np.array([1.0, scale])
     multipliers = casadi.SX.sym("multipliers", g.numel())
     second = casadi.hessian(f + casadi.dot(multipliers, g), x)[0]
-    parts = {
-        "value": casadi.Function("f", [x, p], [f]),
-        "gradient": casadi.Function("df", [x, p], [casadi.gradient(f, x)]),
-        "rows": casadi.Function("g", [x, p], [g]),
-        "jacobian": casadi.Function("dg", [x, p], [casadi.jacobian(g, x)]),
-        "hessian": casadi.Function("ddl", [x, p, multipliers], [second]),
-    }
-    value, gradient, rows, jacobian, hessian = parts.values()
+    outputs = f, casadi.gradient(f, x), g, casadi.jacobian(g, x)
+    value, gradient, rows, jacobian = (casadi.Function("part", [x, p], [each]) for each in outputs)
+    hessian = casadi.Function("hessian", [x, p, multipliers], [second])
     return Nlp(
         value=lambda z: float(value(z, numbers)),
         gradient=lambda z: np.asarray(gradient(z, numbers)).ravel(),
@@ -70,17 +65,12 @@ def motion_nlp(peer: Peer, scale: float) -> Nlp:
 def dense_nlp(program: DenseProgram, weights: Vector) -> Nlp:
     """Return a dense program with one weighted sum of its objectives."""
     costs, rows = weights @ program.costs, program.rows
-
-    def split(z: Vector) -> tuple[np.ndarray, np.ndarray]:
-        return rows.rows(z)
-
-    start = np.full(len(costs), 0.1)
-    equalities, inequalities = (len(part) for part in split(start))
+    equalities, inequalities = (len(part) for part in rows.rows(np.full(len(costs), 0.1)))
     count = equalities + inequalities
     return Nlp(
         value=lambda z: float(costs @ z),
         gradient=lambda z: costs,
-        rows=lambda z: np.concatenate(split(z)),
+        rows=lambda z: np.concatenate(rows.rows(z)),
         jacobian=lambda z: sparse.csr_array(rows.jacobian(z)),
         hessian=lambda z, v: sparse.csr_array(rows.hessian(z, v)),
         lower=np.zeros(count),

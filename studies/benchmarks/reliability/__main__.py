@@ -2,15 +2,11 @@
 
     python -m studies.benchmarks.reliability [--quick] [--kills N] [--runs NAME ...] [--parts PART ...]
 
-Runs of the command line (a search, one with refinement, a plan, an ε-front, a refinement, a closed loop; except plan
-and loop also with two worker processes and on a Dask cluster of two) are killed by SIGKILL, equally often in every
-phase (ask, evaluate, refine, the rest; write, rename and fsync). The kills of a phase are shared among the runs that
-have it and spread over all of it; every third run is killed again when it resumes. Its result is compared bit for bit
-with that of a run that was never killed, and so is every entry that a resumed run takes from its journal or adds to it.
-Every second journal has a bit flipped first. A kill loses the work since the last entry. Then a real journal is cut at
-every byte of its end and has a bit flipped in every field of every frame, and a search runs on disks from 4 kB to a
-size that it fills up on its way. The verifier checks good runs of every kind, and copies of them with one fault each.
-Last come faults of users' own code, names and folders.
+Runs of the command line are killed by SIGKILL, equally often in every phase, spread over all of it; every third run is
+killed again when it resumes, and every second journal has a bit flipped first. A result is compared bit for bit with
+that of a run that was never killed, and so is every entry of its journal. Then a real journal is cut and damaged, a
+search runs on small disks, the verifier checks good runs of every kind and copies with one fault each, and users' own
+faults come.
 """
 
 from __future__ import annotations

@@ -3,9 +3,8 @@
 Arguments are the folder of the run, a phase, an amount of it, and those of ``paretoik``. From the moment when the
 folder is claimed, the stack of the main thread is read every few milliseconds: it is in "ask", "evaluate", "refine" or
 "else", whose amounts are seconds. The amount of "write", "rename" and "fsync" is the number of these calls on files of
-that folder; a write to a journal is killed halfway. The last line on stderr is JSON. A process that kills itself writes
-the amount then, and the seconds of work that the journal does not have yet. A process that ends writes the amounts of
-every phase, and digests of all entries that it took from its journal or put there.
+that folder; a write to a journal is killed halfway. The last line on stderr is JSON: what the journal does not have yet
+[s], or the amounts of every phase and digests of all entries of the journal.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from types import FrameType
@@ -30,22 +28,12 @@ import numpy as np
 from paretoik.api.initial import INITIAL
 from paretoik.runs.journal import Journal
 
-TimePhase: TypeAlias = Literal["ask", "evaluate", "refine", "else"]  # in seconds
-FilePhase: TypeAlias = Literal["write", "rename", "fsync"]  # in numbers
+FilePhase: TypeAlias = Literal["write", "rename", "fsync"]  # in numbers; the others in seconds
 Phase: TypeAlias = Literal["ask", "evaluate", "refine", "else", "write", "rename", "fsync"]
 
 PHASES: tuple[Phase, ...] = get_args(Phase)
 FILE_PHASES: tuple[FilePhase, ...] = get_args(FilePhase)
-
-
-@dataclass(frozen=True, kw_only=True)
-class KillerOptions:
-    """``interval``: seconds between looks at the stack."""
-
-    interval: float = 0.002
-
-
-OPTIONS = KillerOptions()
+INTERVAL = 0.002  # s between looks at the stack
 EVALUATION, STEPS = ("evaluate_candidates", "evaluate_again"), "closed_loop/step_evolution.py"
 SEARCH = "search/ask_tell.py", "search/islands.py"
 REFINEMENT = "paretoik/pareto/", "paretoik/trajectory/", "paretoik/nlp/"
@@ -101,7 +89,7 @@ class Killer:
         """Add the time to the main thread's phase, and kill it there."""
         before = time.monotonic()
         while threading.main_thread().is_alive():
-            time.sleep(OPTIONS.interval)
+            time.sleep(INTERVAL)
             phase, now = _phase_of(sys._current_frames().get(self._main or 0)), time.monotonic()
             self._amounts[phase] += now - before  # type: ignore[assignment]  # seconds
             self._unsaved += 0.0 if phase == "else" else now - before
@@ -140,7 +128,7 @@ class Killer:
         print(json.dumps(done | {"seconds": time.monotonic() - self._claimed}), file=sys.stderr)
 
     def _kill(self) -> None:
-        done = {"killed": time.time(), "unsaved": self._unsaved, "results": self._results}
+        done = {"unsaved": self._unsaved, "results": self._results}
         os.write(2, f"\n{json.dumps(done)}\n".encode())
         os.kill(os.getpid(), signal.SIGKILL)
 

@@ -7,15 +7,13 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -32,40 +30,30 @@ LOST: tuple[Outcome, ...] = ("refused", "another course", "another result")
 PER_PHASE = 20  # goal: kills
 SHORT = 0.02  # s: a phase that takes less is not killed in
 TWICE, DAMAGED = 3, 2  # one of so many runs is killed again when it resumes; has a bit of its journal flipped first
-CLUSTER_WORKERS = 2
 
 ENERGY_TORQUE = "problems/tringali_2020.py:energy_torque"
-SEARCH = ("solve", ENERGY_TORQUE, "--population=60", "--generations=40", "--seed=1")
-REFINED = ("solve", ENERGY_TORQUE, "--refine", "--population=40", "--generations=12", "--points=8", "--seed=1")
-FRONT = ("front", ENERGY_TORQUE, "--points=4", "--starts=8")
-REFINEMENT = ("refine", "SEARCH", "--problem", ENERGY_TORQUE)
-WORKERS = ("--workers=2",)
-ON_CLUSTER = ("--cluster", "CLUSTER")
+SHARED: dict[str, tuple[str, ...]] = {
+    "search": ("solve", ENERGY_TORQUE, "--population=60", "--generations=40", "--seed=1"),
+    "search and refinement": (
+        *("solve", ENERGY_TORQUE, "--refine", "--population=40", "--generations=12", "--points=8", "--seed=1"),
+    ),
+    "front": ("front", ENERGY_TORQUE, "--points=4", "--starts=8"),
+    "refinement": ("refine", "SEARCH", "--problem", ENERGY_TORQUE),
+}
 COMMANDS: dict[str, tuple[str, ...]] = {
-    "search": SEARCH,
-    "search and refinement": REFINED,
+    **SHARED,
     "plan": ("plan", "problems/tringali_2020.py:simulation_2", "--starts=24"),
-    "front": FRONT,
-    "refinement": REFINEMENT,
     "closed loop": ("solve", "problems/marcos_2012.py:circle_3r", "--generations=10", "--population=20"),
-    "search, workers": (*SEARCH, *WORKERS),
-    "search and refinement, workers": (*REFINED, *WORKERS),
-    "front, workers": (*FRONT, *WORKERS),
-    "refinement, workers": (*REFINEMENT, *WORKERS),
-    "search, cluster": (*SEARCH, *ON_CLUSTER),
-    "search and refinement, cluster": (*REFINED, *ON_CLUSTER),
-    "front, cluster": (*FRONT, *ON_CLUSTER),
-    "refinement, cluster": (*REFINEMENT, *ON_CLUSTER),
+    **{f"{name}, workers": (*command, "--workers=2") for name, command in SHARED.items()},
+    **{f"{name}, cluster": (*command, "--cluster", "CLUSTER") for name, command in SHARED.items()},
 }
 """The commands by name; SEARCH is the folder of a whole search, CLUSTER the address of a scheduler."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class WholeRun:
-    """A run that was never killed: its ``command``, who computes (words of the command line), its result.
+class WholeRun(NamedTuple):
+    """A run that was never killed: its ``command``, the part that names the ``workers``, and its result.
 
-    It also has its amount of every phase (seconds, or a number), its seconds, and digests of its ``entries`` in the
-    journal by their keys.
+    Its ``amounts`` of every phase are seconds, or numbers; digests of ``entries`` in the journal are by their keys.
     """
 
     name: str
@@ -77,20 +65,16 @@ class WholeRun:
     entries: Mapping[str, str]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Kill:
-    """A kill: the run, the phase, the amount of it, the outcome, the ``cause`` if refused.
+class Kill(NamedTuple):
+    """A kill of a run in a phase, the outcome, and the ``cause`` if refused.
 
-    ``unsaved`` is the work since the journal's last entry [s], ``orphaned`` the time that processes lived on which the
-    killed one had started [s]; both are NaN if the run ended before the kill.
+    ``unsaved`` is the work since the journal's last entry [s], NaN while workers start; None if the run ended before.
     """
 
     name: str
     phase: Phase
-    amount: float
     outcome: Outcome
-    unsaved: float = np.nan
-    orphaned: float = np.nan
+    unsaved: float | None
     cause: str = ""
 
 
@@ -100,10 +84,8 @@ def whole_run(name: str, folder: Path, replacements: Mapping[str, str]) -> Whole
     process = run_killed(command, folder, "else", np.inf)
     if process.returncode != 0:
         raise RuntimeError(f"{name}: {process.stderr}")
-    done = _last_words(process)
-    workers = command[command.index("--cluster") :] if "--cluster" in command else command[-1:]
-    workers = workers if workers[0].startswith(("--workers", "--cluster")) else ()
-    return WholeRun(name=name, command=command, workers=workers, result=result_of(folder), **done)
+    workers = command[len(COMMANDS[name.partition(",")[0]]) :]
+    return WholeRun(name=name, command=command, workers=workers, result=result_of(folder), **_last_words(process))
 
 
 def kill(
@@ -114,13 +96,11 @@ def kill(
     ``damaged`` is the seed of a bit that is flipped in its journal before it is resumed.
     """
     shutil.rmtree(folder, ignore_errors=True)
-    process = run_killed(run.command, folder, phase, amount)
-    common = partial(Kill, name=run.name, phase=phase, amount=amount)
+    process, unsaved = run_killed(run.command, folder, phase, amount), None
     if process.returncode == -signal.SIGKILL:
         done = _last_words(process)
         # Until the journal has a result workers are only starting.
-        unsaved = done["unsaved"] if done["results"] or not run.workers else np.nan
-        common = partial(common, unsaved=unsaved, orphaned=time.time() - done["killed"])
+        unsaved = float(done["unsaved"]) if done["results"] or not run.workers else np.nan
     for limit in (again, None):
         if not can_resume(folder):
             break
@@ -134,9 +114,9 @@ def kill(
         command = ("resume", str(folder), "--problem", problem, *run.workers)
         resumed = run_killed(command, folder, phase, np.inf if limit is None else limit, out=False)
         if resumed.returncode not in (0, -signal.SIGKILL):
-            return common(outcome="refused", cause=resumed.stderr.strip().splitlines()[-2:][0])
+            return Kill(run.name, phase, "refused", unsaved, resumed.stderr.strip().splitlines()[-2:][0])
         process = resumed
-    return common(outcome=_outcome(run, process, folder))
+    return Kill(run.name, phase, _outcome(run, process, folder), unsaved)
 
 
 def _last_words(process: subprocess.CompletedProcess[str]) -> dict[str, Any]:
@@ -153,8 +133,7 @@ def _outcome(run: WholeRun, process: subprocess.CompletedProcess[str], folder: P
     if process.returncode == -signal.SIGKILL:
         return "whole"  # it had its result
     # A resumed run reads the latest entries, not those that led to them.
-    entries: dict[str, str] = _last_words(process)["entries"]
-    if not entries.items() <= run.entries.items():
+    if not _last_words(process)["entries"].items() <= run.entries.items():
         return "another course"
     return "went on" if "resume" in process.args else "whole"
 
@@ -200,13 +179,12 @@ def spread_kills(runs: Sequence[WholeRun], count: int) -> dict[str, list[tuple[P
 
 def kill_rows(folder: Path, count: int, names: Sequence[str]) -> Iterator[Row]:
     """Kill runs of these names ``count`` times in all; yield what was lost of each, and in each phase."""
-    kills = list[Kill]()
+    kills, runs = list[Kill](), list[WholeRun]()
     with ExitStack() as stack:
         replacements = {"SEARCH": str(folder / "source")}
         whole_run("search", folder / "source", {})
         if any("--cluster" in COMMANDS[name] for name in names):
-            replacements["CLUSTER"] = stack.enter_context(local_cluster(folder, CLUSTER_WORKERS)).address
-        runs = list[WholeRun]()
+            replacements["CLUSTER"] = stack.enter_context(local_cluster(folder, 2)).address
         for name in names:
             runs.append(whole_run(name, folder / "whole", replacements))
             shutil.rmtree(folder / "whole")
@@ -219,24 +197,19 @@ def kill_rows(folder: Path, count: int, names: Sequence[str]) -> Iterator[Row]:
                 kills.append(kill(run, phase, amount, folder / "killed", again=again, damaged=damaged))
                 told = f"{phase} {amount:.3g}: {kills[-1].outcome} {kills[-1].cause}"
                 tell(f"{run.name}: {number + 1} of {len(moments[run.name])}, {told}")
-            yield from _run_rows(run.name, [each for each in kills if each.name == run.name])
+            its, row = [each for each in kills if each.name == run.name], partial(Row, "kills", run.name)
+            outcomes = Counter(each.outcome for each in its)
+            causes = ", ".join(sorted({each.cause for each in its if each.cause}))
+            words = ", ".join(f"{number} {outcome}" for outcome, number in outcomes.most_common())
+            yield row("kills", "", len(its), note=words)
+            yield row("lost", "", sum(outcomes[each] for each in LOST), reference=0, source="goal", note=causes)
+            unsaved = [each.unsaved for each in its if each.unsaved is not None and np.isfinite(each.unsaved)]
+            if unsaved:
+                yield row("work lost, median", "s", float(np.median(unsaved)), reference=1, source="goal")
+                yield row("work lost, most", "s", max(unsaved), reference=1, source="goal")
     for phase in PHASES:
-        met = [each for each in kills if each.phase == phase and np.isfinite(each.orphaned)]
+        met = [each for each in kills if each.phase == phase and each.unsaved is not None]
         lost = sum(each.outcome in LOST for each in met)
         note = "refused, or by another course or to another result" if lost else ""
         yield Row("phases", phase, "kills", "", len(met), reference=PER_PHASE, source="goal")
         yield Row("phases", phase, "lost", "", lost, reference=0, source="goal", note=note)
-
-
-def _run_rows(name: str, kills: list[Kill]) -> Iterator[Row]:
-    outcomes, row = Counter(each.outcome for each in kills), partial(Row, "kills", name)
-    causes = ", ".join(sorted({each.cause for each in kills if each.cause}))
-    words = ", ".join(f"{number} {outcome}" for outcome, number in outcomes.most_common())
-    yield row("kills", "", len(kills), note=words)
-    yield row("lost", "", sum(outcomes[each] for each in LOST), reference=0, source="goal", note=causes)
-    unsaved = [each.unsaved for each in kills if np.isfinite(each.unsaved)]
-    if unsaved:
-        yield row("work lost, median", "s", float(np.median(unsaved)), reference=1, source="goal")
-        yield row("work lost, most", "s", max(unsaved), reference=1, source="goal")
-    orphaned = max((each.orphaned for each in kills if np.isfinite(each.orphaned)), default=0.0)
-    yield row("other processes lived on, most", "s", orphaned)

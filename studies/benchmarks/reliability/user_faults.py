@@ -1,9 +1,8 @@
 """Faults of users' own code, names and folders, and the outcome of each: one line of our own, or worse.
 
-Observers raise in every stage of every verb. Factories, objectives and modules raise exceptions that do not derive from
-Exception, by command too. Objectives have invalid values, write to their motion, or sleep. A folder is used again after
-a failure, or named with an escape sequence, and so are joints. A module next to the problem has the name of one of
-Python's own.
+Observers raise in every stage of every verb. Modules, factories and objectives raise, by command, also what does not
+derive from Exception. Objectives have invalid values, write to their motion, or sleep. Folders are used again after a
+failure; names have escape sequences; a module next to the problem has the name of one of Python's own.
 """
 
 from __future__ import annotations
@@ -16,41 +15,33 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 import paretoik as pk
 from paretoik.errors import ParetoikError
-from paretoik.inputs import cause_of
 from paretoik.runs.files import has_result
+from studies.benchmarks.reliability.inputs.judging import outcome_of
 from studies.reporting import Row, tell
 
 ESCAPE = "\x1b[31m\x1b]0;title\x07"
 LINE, SECONDS, LIMIT, SLEEP = 400, 180.0, 0.5, 600.0  # characters shown of output; s until an end, limit given, asleep
 FEW = ("--population", "8", "--generations", "2")
 SMALL: dict[str, Any] = {"population": 12, "generations": 4, "seed": 1}
-
-
-class Fault(NamedTuple):
-    """A fault of a ``kind``, by name, with what is ``wrong`` in its outcome; "" if nothing is."""
-
-    kind: str
-    name: str
-    wrong: str
+Fault = tuple[str, str, str]  # kind, name, and what is wrong in the outcome: "" if nothing is
 
 
 def fault_rows(folder: Path) -> Iterator[Row]:
     """Yield the number of bad outcomes of every kind of fault; each is printed."""
-    parts = _observers(folder), _values(), _writers(), _used_folders(folder), _sleepers()
     counts, bad = Counter[str](), Counter[str]()
-    for fault in chain(*parts, _commands(folder), _shadows(folder), _names(folder)):
-        counts[fault.kind] += 1
-        if fault.wrong:
-            bad[fault.kind] += 1
-            tell(f"{fault.kind}: {fault.name}: {fault.wrong}")
+    for part in (_observers, _objectives, _used_folders, _sleepers, _commands, _shadows, _names):
+        for kind, name, wrong in part(folder):
+            counts[kind] += 1
+            if wrong:
+                bad[kind] += 1
+                tell(f"{kind}: {name}: {wrong}")
     for kind, count in counts.items():
         yield Row("faults", kind, "bad", "", bad[kind], reference=0, source="goal", note=f"of {count}")
 
@@ -63,18 +54,14 @@ def problem(*objectives: Any, **limits: Any) -> pk.Tracking:
     return pk.Tracking(pk.arms.tringali_3r(), path, objectives=goals, limits=limited, coefficients=4, bases=2)
 
 
-def _verbs(folder: Path) -> dict[str, Callable[..., Any]]:
-    """Return verbs of small problems, which take an observer and a folder."""
+def _observers(folder: Path) -> Iterator[Fault]:
+    """Raise in every stage, the first time and the last: the result is kept, and the observer named."""
     pk.solve(problem(), **SMALL, points=4, out=folder / "source", observe=False)
     source = pk.load_front(folder / "source", problem())
-    loop = pk.ClosedLoop(
-        pk.arms.tringali_3r(),
-        pk.circle((0.30, 0.10), 0.005, duration=1.0, samples=11),
-        objectives=[pk.joint_displacement, pk.position_error],
-        population=12,
-        generations=4,
-    )
-    return {
+    circle = pk.circle((0.30, 0.10), 0.005, duration=1.0, samples=11)
+    both = [pk.joint_displacement, pk.position_error]
+    loop = pk.ClosedLoop(pk.arms.tringali_3r(), circle, objectives=both, population=12, generations=4)
+    verbs: dict[str, Callable[..., Any]] = {
         "solve": partial(pk.solve, problem(), **SMALL, points=4, refine=True),
         "plan": partial(pk.plan, problem(pk.kinetic_energy), starts=4),
         "epsilon_front": partial(pk.epsilon_front, problem(), points=3, starts=4),
@@ -82,11 +69,7 @@ def _verbs(folder: Path) -> dict[str, Callable[..., Any]]:
         "a closed loop": partial(pk.solve, loop),
         "verify": lambda *, observe, out: pk.verify(folder / "source", problem(), observe=observe),
     }
-
-
-def _observers(folder: Path) -> Iterator[Fault]:
-    """Raise in every stage, the first time and the last: the result is kept, and the observer named."""
-    for verb, call in _verbs(folder).items():
+    for verb, call in verbs.items():
         stages = list[str]()
         call(observe=lambda progress, stages=stages: stages.append(progress.stage), out=folder / verb)
         for stage in dict.fromkeys(each for each in stages if each != "compilation"):
@@ -102,7 +85,7 @@ def _observers(folder: Path) -> Iterator[Fault]:
                 wrong = _refusal(partial(call, observe=watch, out=place), "observe raised LookupError: no more")
                 if stage in ("saving", "recording") and not has_result(place):
                     wrong = wrong or "its result is lost"
-                yield Fault("observers that raise", f"{verb}, {stage}, call {last}", wrong)
+                yield "observers that raise", f"{verb}, {stage}, call {last}", wrong
 
 
 ODD: dict[str, Callable[[Any], Any]] = {
@@ -119,14 +102,6 @@ ODD: dict[str, Callable[[Any], Any]] = {
     "NaN": lambda motion: motion.q[..., 0, 0] * np.nan,
     "infinite": lambda motion: motion.q[..., 0, 0] + np.inf,
 }
-
-
-def _values() -> Iterator[Fault]:
-    """Give an objective invalid values: it is named, before the search or once all fail."""
-    for name, values in ODD.items():
-        for verb in ("solve", "plan", "epsilon_front"):
-            call = partial(_solved_by, verb, values)
-            yield Fault("odd values", f"{name}, {verb}", _refusal(call, "odd"))
 
 
 def _solved_by(verb: str, values: Callable[[Any], Any], **settings: Any) -> Any:
@@ -150,17 +125,20 @@ WRITES: dict[str, Callable[[Any], Any]] = {
 }
 
 
-def _writers() -> Iterator[Fault]:
-    """Write to a motion in an objective: it is refused by name, or changes nothing."""
+def _objectives(_: Path) -> Iterator[Fault]:
+    """Give objectives invalid values, or write to a motion: they are named, or what is written changes nothing."""
+    for name, values in ODD.items():
+        for verb in ("solve", "plan", "epsilon_front"):
+            yield "odd values", f"{name}, {verb}", _refusal(partial(_solved_by, verb, values), "odd")
     for name, write in WRITES.items():
 
-        def values(motion: Any, write: Callable[[Any], Any] = write) -> Any:
+        def written(motion: Any, write: Callable[[Any], Any] = write) -> Any:
             write(motion)
             return motion.integral(motion.dq[..., 0] ** 2)
 
         for verb in ("solve", "plan"):
-            wrong = _refusal(partial(_solved_by, verb, values), "odd")
-            yield Fault("objectives that write", f"{name}, {verb}", wrong)
+            wrong = _refusal(partial(_solved_by, verb, written), "odd")
+            yield "objectives that write", f"{name}, {verb}", wrong
 
 
 def _used_folders(folder: Path) -> Iterator[Fault]:
@@ -173,24 +151,23 @@ def _used_folders(folder: Path) -> Iterator[Fault]:
     }
     for name, call in failing.items():
         place = folder / f"failed {name}"
-        _refusal(partial(call, out=place), "")
+        _refusal(partial(call, out=place), ".")
         wrong = ""
         try:
             pk.solve(problem(), **SMALL, out=place, observe=False)
         except ParetoikError as refusal:
             wrong = str(refusal)
-        yield Fault("failed folders", name, wrong)
+        yield "failed folders", name, wrong
 
 
-def _sleepers() -> Iterator[Fault]:
+def _sleepers(_: Path) -> Iterator[Fault]:
     """Sleep in an objective from its first call in a verb on: a limit ends it, by name."""
-    few: dict[str, Any] = {"population": 4, "generations": 1}
     verbs: dict[str, Callable[..., Any]] = {
-        "solve": partial(pk.solve, **few),
+        "solve": partial(pk.solve, population=4, generations=1),
         "plan": pk.plan,
         "epsilon_front": pk.epsilon_front,
     }
-    for verb in verbs:
+    for verb, run in verbs.items():
         asleep = [False]
 
         def values(motion: Any, asleep: list[bool] = asleep) -> Any:
@@ -201,12 +178,11 @@ def _sleepers() -> Iterator[Fault]:
         odd = pk.objective(unit="", form="general", name="odd")(values)
         slow = problem(odd) if verb == "plan" else problem(pk.kinetic_energy, odd)
         asleep[0] = True
-        wrong = _refusal(partial(verbs[verb], slow, time_limit=LIMIT, observe=False), "odd took longer")
-        yield Fault("sleeping functions", f"{verb}, time_limit", wrong)
+        wrong = _refusal(partial(run, slow, time_limit=LIMIT, observe=False), "odd took longer")
+        yield "sleeping functions", f"{verb}, time_limit", wrong
         if verb == "solve":
-            late = partial(verbs[verb], slow, evaluation_timeout=LIMIT, workers=1, observe=False)
-            wrong = _refusal(late, "took longer than|failed")
-            yield Fault("sleeping functions", f"{verb}, evaluation_timeout", wrong)
+            late = partial(run, slow, evaluation_timeout=LIMIT, workers=1, observe=False)
+            yield "sleeping functions", f"{verb}, evaluation_timeout", _refusal(late, "took longer than|failed")
 
 
 HEAD = """import sys, time
@@ -251,10 +227,10 @@ def _commands(folder: Path) -> Iterator[Fault]:
             file.write_text(HEAD + text.format(code=code))
             limits = {"sleep": ["--time-limit", "1"]}.get(name, [])
             words = ["solve", f"{file}:mine", "--out", str(folder / file.stem), *FEW]
-            yield Fault("commands", f"{name} in a {place}", _command(*words, "--quiet", *limits))
+            yield "commands", f"{name} in a {place}", _command(*words, "--quiet", *limits)
             if name == "sleep" and place == "objective":
                 wrong = _command(*words, "--quiet", "--overwrite", "--evaluation-timeout", "0.3")
-                yield Fault("commands", f"evaluation timeout in an {place}", wrong)
+                yield "commands", f"evaluation timeout in an {place}", wrong
 
 
 def _command(*words: str, codes: tuple[int, ...] = (2, 4)) -> str:
@@ -285,7 +261,7 @@ def _shadows(folder: Path) -> Iterator[Fault]:
         words = ["solve", f"{place / 'mine.py'}:mine", "--out", str(place / name), *FEW]
         wrong = _command(*words, "--quiet", *options, codes=(0,))
         ran = (place / "ran").read_text() if (place / "ran").exists() else ""
-        yield Fault("shadowed modules", name, wrong or (ran and f"ran: {ran}"))
+        yield "shadowed modules", name, wrong or (ran and f"ran: {ran}")
 
 
 def _names(folder: Path) -> Iterator[Fault]:
@@ -312,27 +288,18 @@ def _names(folder: Path) -> Iterator[Fault]:
     for name, words in commands.items():
         wrong = _command(*words, codes=tuple(range(8)))
         is_bad = wrong.startswith(("steers", "not one line: 'Traceback", "does not end"))
-        yield Fault("names that steer", name, wrong if is_bad else "")
+        yield "names that steer", name, wrong if is_bad else ""
     for page in sorted([*place.rglob("*.html"), *place.rglob("*.svg")]):
         text = page.read_text(errors="replace")
-        yield Fault("names that steer", page.suffix, "" if "\x1b" not in text else "an escape sequence")
+        yield "names that steer", page.suffix, "" if "\x1b" not in text else "an escape sequence"
 
 
 def _refusal(call: Callable[[], object], words: str) -> str:
     """Return the fault of what a call raises: it must be one printable line of our own with the words."""
     began = time.monotonic()
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            call()
-    except ParetoikError as refusal:
-        text = str(refusal)
-        if not text.isprintable():
-            return f"not one line: {text!r}"
-        if not re.search(words, text):
-            return f"another cause: {text}"
-    except BaseException as error:
-        return cause_of(error)
-    else:
-        return "taken"
-    return "" if time.monotonic() - began < SECONDS else "too late"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        outcome = outcome_of(call, words)
+    if outcome.verdict == "good":
+        return "" if time.monotonic() - began < SECONDS else "too late"
+    return outcome.words

@@ -206,11 +206,7 @@ FAULTS: dict[str, tuple[str, Change, str]] = {
         lambda run: run.table.update(kinetic_energy=run.table["torque_norm"], torque_norm=run.table["kinetic_energy"]),
         "objective kinetic_energy",
     ),
-    "a user's objective edited": (
-        "obstacles",
-        column("wrist_effort", times(1 + 1e-6), -1),
-        "objective wrist_effort",
-    ),
+    "a user's objective edited": ("obstacles", column("wrist_effort", times(1 + 1e-6), -1), "objective wrist_effort"),
     "a maximised objective edited": (
         "obstacles",
         column("obstacle_clearance", plus(1e-6), -1),
@@ -274,11 +270,7 @@ FAULTS: dict[str, tuple[str, Change, str]] = {
     "maxima missing": ("polygon", lambda run: run.arrays["polygon.npz"].pop("values"), "files"),
     "an error hidden": ("resolved", rewrite(lambda entries: entries.update(largest_error=0.0)), "largest error"),
     "a resolved motion off its path": ("resolved", motions("q", (0, 6, 0), plus(0.1)), "tracking"),
-    "a tuned speed too good for its motion": (
-        "tuning",
-        column("speed_ratio", times(0.01), 0),
-        "objective speed_ratio",
-    ),
+    "a tuned speed too good for its motion": ("tuning", column("speed_ratio", times(0.01), 0), "objective speed_ratio"),
     "a tuned margin too good for its motion": (
         "tuning",
         column("limit_margin", plus(0.6), -1),
@@ -352,22 +344,23 @@ def verifier_rows(folder: Path, kinds: Sequence[str] = tuple(KINDS)) -> Iterator
         problem, subject = make_run(kind, place / "good")
         alarms = [f"{row.subject}: {row.detail}" for row in pk.verify(place / "good", subject, observe=False).failures]
         yield Row("verifier", kind, "false alarms", "", len(alarms), reference=0, source="goal", note="; ".join(alarms))
-        wrong = list[tuple[str, Path, Any, str]]()
-        for name, (where, change, failing) in FAULTS.items():
-            if where == kind:
-                wrong.append((name, edit(place / "good", place / str(len(wrong)), change), subject, failing))
+        planted = [
+            (name, edit(place / "good", place / name, change), subject, failing)
+            for name, (where, change, failing) in FAULTS.items()
+            if where == kind
+        ]
         for name, (where, stricter, failing) in FORGERIES.items():
             if where == kind:
                 other = stricter(pk.load_front(place / "good", problem))
-                wrong.append((name, forge(place / "good", place / str(len(wrong)), other), other, failing))
+                planted.append((name, forge(place / "good", place / name, other), other, failing))
         missed = [
             name
-            for name, run, other, failing in wrong
+            for name, run, other, failing in planted
             if failing not in {row.subject for row in pk.verify(run, other, observe=False).failures}
         ]
-        total, found = total + len(wrong), len(wrong) - len(missed)
+        total, found = total + len(planted), len(planted) - len(missed)
         caught += found
-        if wrong:
+        if planted:
             note = f"missed: {', '.join(missed)}" if missed else ""
-            yield Row("verifier", kind, "faults caught", "", found, reference=len(wrong), source="planted", note=note)
+            yield Row("verifier", kind, "faults caught", "", found, reference=len(planted), source="planted", note=note)
     yield Row("verifier", "all", "faults caught", "", caught, reference=total, source="planted")

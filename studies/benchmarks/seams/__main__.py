@@ -2,30 +2,28 @@
 
     python -m studies.benchmarks.seams [--quick] [--cells NAME ...] [--alone] [--json FILE]
 
-The seams are a wavy one of 1 m and a fillet around a pipe. They are welded by an industrial arm of six joints, by the
-same on a rail, and by an arm of seven joints; the tool's axis is given, its angle about it is free. Ours is ``pk.plan``
-at its defaults, in a process of its own, after a plan of a coarser seam. One peer is the shortest path through all
-postures over a grid of tool angles (and of the rail's positions, and of swivel angles), on the same cost, by a dynamic
-program that stores no edges. The other is tesseract's Descartes on the industrial arm, if the package
-``tesseract-robotics`` is installed, with at most 16 GB, on its own cost (Σ‖Δq‖, nearly the same path). All motions are
-judged by their samples: joint travel Σ|Δq| and ∫q̇² dt = ΣΔq²/Δt, within position and speed limits; the graphs' motions
-may exceed the limits of joints that can turn a whole turn.
+Ours is ``pk.plan`` at its defaults, in a process of its own, after a plan of a coarser seam. One peer is the shortest
+path through all postures over a grid of tool angles (and of the rail's positions, and of swivel angles), on the same
+cost. The other is tesseract's Descartes on the industrial arm, with at most 16 GB, on its own cost (Σ‖Δq‖, nearly the
+same path). All are judged by their samples: joint travel Σ|Δq| and ∫q̇² dt = ΣΔq²/Δt, within position and speed limits;
+the graphs' motions may exceed the limits of joints that can turn a whole turn.
 
-Goals: never above a graph at any resolution; from 401 samples on 10 % less travel and 20 % less ∫q̇² than the finest
-graph that Descartes can store; 401 samples in 1 s and 0.4 GB, 1,401 in 3 s.
+Goals: never above a graph; from 401 samples on 10 % less travel and 20 % less ∫q̇² than the finest graph that Descartes
+can store; 401 samples in 1 s and 0.4 GB, 1,401 in 3 s.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from importlib.util import find_spec
 
 import numpy as np
 
 from studies.benchmarks.seams import descartes, ladder_graph
 from studies.benchmarks.seams.cells import CELLS, SEAMS
 from studies.benchmarks.seams.ladder_graph import Cost
-from studies.reporting import LOSS, Row, losses_first, report, study_parser, tell, versus
+from studies.reporting import Row, goal_row, losses_first, report, study_parser, tell, versus
 
 COSTS: tuple[Cost, ...] = ("joint rates", "joint travel")
 UNITS = {"joint travel": "rad", "joint rates": "rad²/s"}
@@ -43,22 +41,17 @@ def cost_of(q: np.ndarray | None, times: np.ndarray, cost: Cost) -> float:
     return float(np.abs(steps).sum() if cost == "joint travel" else (steps**2 / np.diff(times)[:, None]).sum())
 
 
-def descartes_motion(frames: np.ndarray, speed: np.ndarray, resolution: float) -> descartes.DescartesResult:
-    """Return Descartes' motion; whole turns count as others only if it leaps without them."""
-    result = descartes.plan_seam(frames, resolution, turns=False)
-    leaps = result.q is not None and bool((np.abs(np.diff(result.q, axis=0)) > speed).any())
-    return descartes.plan_seam(frames, resolution, turns=True) if leaps else result
-
-
 def seam_rows(cell: str, seam: str, samples: int, resolutions: Sequence[float]) -> list[Row]:
     """Return the rows of a seam: both costs against graphs of all resolutions, time and memory."""
     times, frames = SEAMS[seam](samples, cell)
     name, rows, fits = f"{cell}, {seam}, {samples} samples", list[Row](), next(iter(resolutions), np.nan)
-    if cell == "6R" and descartes.is_installed():
+    if cell == "6R" and find_spec("tesseract_robotics"):
         speed = np.asarray(CELLS[cell]().arm.velocity_limits) * np.diff(times)[0] * (1 + 1e-9)
         for resolution in resolutions:
             tell(f"{name}: Descartes, {resolution:g} rad")
-            peer = descartes_motion(frames, speed, resolution)
+            peer = descartes.plan_seam(frames, resolution, turns=False)
+            if peer.q is not None and (np.abs(np.diff(peer.q, axis=0)) > speed).any():  # it leaps without whole turns
+                peer = descartes.plan_seam(frames, resolution, turns=True)
             if peer.q is None:
                 rows.append(Row("Descartes", name, f"{resolution:g} rad", "", np.nan, note=peer.message))
                 break
@@ -84,18 +77,13 @@ def seam_rows(cell: str, seam: str, samples: int, resolutions: Sequence[float]) 
             theirs = cost_of(graph.q, times, cost)
             place = "cost beside a ladder graph", name, column, UNITS[cost]
             rows.append(versus(*place, value, theirs, source="ladder graph", goal=goal, note=note))
-        rows += [
-            _limit(name, f"{cost}, time", "s", plan.seconds, SECONDS.get(samples)),
-            _limit(name, f"{cost}, memory", "GB", plan.gigabytes, 0.4 if samples == 401 else None),
-        ]
+        for what, unit, used, most in (
+            ("time", "s", plan.seconds, SECONDS.get(samples)),
+            ("memory", "GB", plan.gigabytes, 0.4 if samples == 401 else None),
+        ):
+            place = "time and memory", name, f"{cost}, {what}", unit
+            rows.append(Row(*place, used) if most is None else goal_row(*place, used, most))
     return rows
-
-
-def _limit(row: str, column: str, unit: str, value: float, goal: float | None) -> Row:
-    """Return a row of our time or memory, with its goal if there is one."""
-    is_loss = goal is not None and not value <= goal
-    note = "" if goal is None else f"{LOSS if is_loss else ''}goal {goal:g}"
-    return Row("time and memory", row, column, unit, value, note=note)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

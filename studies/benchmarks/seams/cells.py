@@ -1,10 +1,8 @@
-"""Three welding cells: an industrial arm of six joints, the same on a rail, and an arm of seven joints; two seams.
+"""Three welding cells and two seams; the postures at tool frames are in closed form.
 
-Their postures at tool frames are in closed form. Six joints with a parallel base and a spherical wrist by
-``py_opw_kinematics`` (Brandstötter, Angerer & Hofbaur 2014); seven joints with a spherical shoulder, an elbow and a
-spherical wrist over the swivel angle (Shimizu et al. 2008). The seams are a wavy one of 1 m, and a fillet around a pipe
-on a plate; the tool axis is given, not its angle. The arm of seven joints is smaller: its seams are nearer, its pipe is
-thinner.
+An industrial arm of six joints and the same on a rail: by ``py_opw_kinematics`` (Brandstötter, Angerer & Hofbaur 2014).
+Seven joints with a spherical shoulder, an elbow and a spherical wrist: over the swivel angle (Shimizu et al. 2008). The
+seams are a wavy one of 1 m, and a fillet around a pipe; the tool axis is given, not its angle.
 """
 
 from __future__ import annotations

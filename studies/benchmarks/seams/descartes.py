@@ -12,9 +12,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,19 +22,13 @@ from studies.benchmarks.seams.cells import IRB_2400
 MEMORY = 16_000_000_000  # bytes
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DescartesResult:
+class DescartesResult(NamedTuple):
     """Postures ``q`` (samples, dof), None without a motion; seconds, peak memory [GB], and its last message."""
 
     q: np.ndarray | None
     seconds: float
     gigabytes: float
     message: str
-
-
-def is_installed() -> bool:
-    """Return whether tesseract's Python package is installed."""
-    return find_spec("tesseract_robotics") is not None
 
 
 def plan_seam(frames: np.ndarray, resolution: float, *, turns: bool) -> DescartesResult:

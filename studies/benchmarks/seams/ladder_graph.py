@@ -1,10 +1,8 @@
-"""A ladder graph: all postures of each sample over a grid of tool angles, and the exact shortest path.
+"""A ladder graph: all postures of each sample over a grid of tool angles, and the exact shortest path; our plan.
 
 This is Descartes' method (De Maeyer, Moyaers & Demeester 2017), on the same cost as ours and without storing edges: the
 least cost to reach every posture, sample by sample (Bellman 1957). To its advantage, angles of joints with a whole turn
 of range count modulo a turn, and their limits do not count.
-
-Our motion is ``pk.plan`` at its defaults in its own process, warm, with seconds and peak memory.
 """
 
 from __future__ import annotations
@@ -13,9 +11,8 @@ import resource
 import time
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
 from multiprocessing import get_context
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -27,8 +24,7 @@ Cost = Literal["joint travel", "joint rates"]
 TURN = 2 * np.pi
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Ladder:
+class Ladder(NamedTuple):
     """The shortest path: ``cost``, and postures ``q`` (samples, dof; None without a path)."""
 
     cost: float
@@ -115,8 +111,7 @@ def joint_rates(motion: pk.Motion) -> np.ndarray:
 OBJECTIVES = {"joint travel": pk.joint_travel, "joint rates": joint_rates}
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PlanResult:
+class PlanResult(NamedTuple):
     """The best motion's postures ``q`` (samples, dof), seconds of ``plan``, and the process's peak memory [GB]."""
 
     q: np.ndarray | None

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from studies.benchmarks.basins.cases import all_cases
-from studies.benchmarks.basins.racing import race, table_rows
+from studies.benchmarks.basins import all_cases, race, table_rows
 
 
 def test_there_are_sixty_problems_of_different_names():

@@ -9,8 +9,7 @@ import pytest
 
 import paretoik as pk
 from studies.benchmarks.between.__main__ import GOAL, compare, table_rows
-from studies.benchmarks.between.cases import Case
-from studies.benchmarks.between.judging import motion_at, worst_violation
+from studies.benchmarks.between.cases import Case, motion_at, worst_violation
 
 LIMITS = pk.Limits(acceleration=14.0, velocity=3.5)
 PATH = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=51)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from importlib import import_module
 
@@ -13,7 +12,6 @@ import pytest
 import paretoik as pk
 from paretoik.task.motion_task import SAMPLES
 from problems import tringali_2020
-from studies.benchmarks.certified import __main__ as study
 from studies.benchmarks.certified.attacks import (
     DOMINATED,
     exchange_rows,
@@ -25,7 +23,7 @@ from studies.benchmarks.certified.attacks import (
 )
 from studies.benchmarks.certified.cases import Case, recomputed_difference, subject_of
 from studies.benchmarks.peers import solvers
-from studies.benchmarks.peers.splines import spline_program
+from studies.benchmarks.peers.programs import spline_program
 from studies.reporting import LOSS
 from tests.pareto.motions import certify_motions
 
@@ -110,29 +108,6 @@ def test_exchange_rates_agree_with_differences_and_wrong_ones_are_lost(subject):
     (row,) = exchange_rows(replace(subject, front=replace(subject.front, certificates=wrong)))
     assert row.ours == pytest.approx(0.01, rel=0.05)
     assert row.note.startswith(LOSS)
-
-
-def test_quick_writes_strict_json_of_every_case(tmp_path, monkeypatch, subject, capsys):
-    asked = []
-
-    def stand_in(case, *, points, seed, folder):
-        asked.append((case.name, points, seed))
-        return replace(subject, name=case.name)
-
-    monkeypatch.setattr(study, "subject_of", stand_in)
-    monkeypatch.setattr(study, "QUICK_STEPS", 10)
-    file = tmp_path / "certified.json"
-    study.main(["--quick", "--seed", "7", "--json", str(file)])
-
-    def refuse(name):
-        raise AssertionError(name)
-
-    rows = json.loads(file.read_text(), parse_constant=refuse)
-    assert asked == [("energy_torque", 6, 7), ("Panda", 3, 7)]
-    assert {row["table"] for row in rows} == {"energy_torque", "Panda"}
-    assert "seconds a point" in {row["row"] for row in rows if row["table"] == "Panda"}
-    assert "seconds a point" not in {row["row"] for row in rows if row["table"] == "energy_torque"}
-    assert "largest gain" in capsys.readouterr().out
 
 
 def test_ipopts_program_by_splines_ends_where_ours_does_below_a_peak_too(monkeypatch):

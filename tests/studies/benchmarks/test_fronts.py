@@ -9,12 +9,11 @@ import pytest
 
 import paretoik as pk
 from studies.benchmarks.fronts import __main__ as study
-from studies.benchmarks.fronts import cases, methods, running, sweeps
+from studies.benchmarks.fronts import methods, sweeps
 from studies.benchmarks.peers.programs import joint_program
 
 CASE = "energy_torque"
-EVALUATIONS = cases.Budget(kind="evaluations", amount=260)
-SECONDS = cases.Budget(kind="CPU time", amount=0.2)
+EVALUATIONS = methods.Budget(kind="evaluations", amount=260)
 NOTHING = np.empty((0, 2))
 
 
@@ -36,14 +35,14 @@ def _small():
         )
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (cases, methods, running):
+        for module in (methods, study):
             patch.setattr(module, "POPULATION", 20)
-        patch.setitem(cases.CASES, CASE, cases.Case(name=CASE, make=make, staged=True))
-        patch.setattr(running, "_warm_up", lambda *_: None)
-        cases.problem_of.cache_clear()
+        patch.setitem(methods.CASES, CASE, methods.Case(name=CASE, make=make, staged=True))
+        patch.setattr(study, "_warm_up", lambda *_: None)
+        methods.problem_of.cache_clear()
         sweeps.peer_of.cache_clear()
         yield
-    cases.problem_of.cache_clear()
+    methods.problem_of.cache_clear()
     sweeps.peer_of.cache_clear()
 
 
@@ -59,74 +58,52 @@ def table(**level):
 
 
 def test_a_factor_s_effect_is_what_was_put_in_and_the_others_none():
-    effects = running.effects("case", table(MaxiMin=0.1, seeding=0.0, refinement=-0.2))
-    volume = {one.factors: one for one in effects if one.indicator == "hypervolume"}
-    assert volume["MaxiMin"].mean == pytest.approx(0.1)
-    assert volume["refinement"].mean == pytest.approx(-0.2)
-    assert [volume[name].verdict for name in methods.FACTORS] == ["helps", "undecided", "HURTS"]
-    for name in ("seeding", "MaxiMin × seeding", "MaxiMin × seeding × refinement"):
-        assert abs(volume[name].mean) < 1e-12
-    distance = {one.factors: one.mean for one in effects if one.indicator == "IGD+"}
-    assert distance["MaxiMin"] == pytest.approx(0.1)  # less is better, so this helps
-    assert running.effect_rows(effects)[0].note.startswith("HURTS")
+    rows = study.effect_rows("case", table(MaxiMin=0.1, seeding=0.0, refinement=-0.2))
+    assert [row.column for row in rows] == list(methods.FACTORS)
+    assert [row.ours for row in rows] == pytest.approx([0.1, 0.0, -0.2], abs=1e-12)
+    assert [row.note.split()[0] for row in rows] == ["helps", "undecided", "HURTS"]
 
 
-@pytest.mark.parametrize("name", running.methods_of(CASE))
+@pytest.mark.parametrize("name", study.methods_of(CASE))
 def test_no_method_spends_more_evaluations_than_it_has_nor_much_less(name):
-    done = running.run(CASE, name, 0, EVALUATIONS, 260)
+    done = study.run(CASE, name, 0, EVALUATIONS, 260)
     assert 0.6 * EVALUATIONS.amount <= done.evaluations + done.iterations <= EVALUATIONS.amount
     assert (done.iterations > 0) == (
-        name in (running.OURS, running.EPSILON, sweeps.FATROP, sweeps.IPOPT) or name.endswith("refined")
+        name in (study.OURS, study.EPSILON, sweeps.FATROP, sweeps.IPOPT) or name.endswith("refined")
     )
-    assert len(done.F) <= cases.POPULATION
-
-
-@pytest.mark.parametrize("name", [running.OURS, running.EPSILON, "NSGA-II", "MaxiMin, seeded, refined"])
-def test_equal_time_is_kept(name):
-    running.run(CASE, name, 0, SECONDS, 260)
-    assert min(running.run(CASE, name, seed, SECONDS, 260).seconds for seed in range(2)) < 1.5 * SECONDS.amount
+    assert len(done.F) <= methods.POPULATION
 
 
 def test_a_run_is_the_same_again():
-    one, again = (running.run(CASE, "crowding, seeded, refined", 5, EVALUATIONS, 260) for _ in range(2))
+    one, again = (study.run(CASE, "crowding, seeded, refined", 5, EVALUATIONS, 260) for _ in range(2))
     assert np.array_equal(one.F, again.F)
     assert (one.evaluations, one.iterations) == (again.evaluations, again.iterations)
 
 
-def test_ours_without_refinement_is_what_solve_finds():
-    problem = cases.problem_of(CASE)
-    budget = cases.Budget(kind="evaluations", amount=400)
-    mine = methods.ours(problem, 2, budget, 20, refine=False)
-    first = cases.first_genes(problem, 2)
-    front = pk.solve(
-        problem, population=20, generations=20, seed=2, initial=first, anchors=5, points=20, stagnation=False
-    )
-    assert mine.evaluations == front.provenance["counts"]["evaluations"]
-    np.testing.assert_allclose(mine.F[np.argsort(mine.F[:, 0])], front.minimised, rtol=1e-12)
-
-
 def test_points_that_the_verifier_refuses_are_absent():
-    problem = cases.problem_of(CASE)
-    account = cases.Account(budget=EVALUATIONS)
-    q = problem.decode(cases.first_genes(problem, 0)).q
+    problem = methods.problem_of(CASE)
+    account = methods.Account(budget=EVALUATIONS)
+    q = problem.decode(methods.first_genes(problem, 0)).q
     motions = problem.task.motion(q)
-    bad = (motions.tracking_error.max(axis=-1) > cases.OFF_PATH) | (
-        problem.task.violations(motions).max(axis=-1) > cases.VIOLATION
+    bad = (motions.tracking_error.max(axis=-1) > methods.OFF_PATH) | (
+        problem.task.violations(motions).max(axis=-1) > methods.VIOLATION
     )
     good = q[~bad]
     assert len(good) > 0
     off = good.copy()
     off[:, 5] += 1e-3
-    judged = cases.verify(problem, np.concatenate([good, off]), account)
+    judged = methods.verify(problem, np.concatenate([good, off]), account)
     assert judged.failed == len(off)
-    np.testing.assert_array_equal(judged.F, cases.verify(problem, good, account).F)
+    np.testing.assert_array_equal(judged.F, methods.verify(problem, good, account).F)
 
 
 @pytest.mark.usefixtures("unchecked")  # our kernels get CasADi's symbols
 @pytest.mark.parametrize("cyclic", [False, True])
 def test_the_general_program_s_optimum_is_ours(cyclic):
     path = (
-        pk.circle([0.42, 0.0], 0.05, duration=1.0, samples=21) if cyclic else cases.problem_of(CASE).task.tasks[0].path
+        pk.circle([0.42, 0.0], 0.05, duration=1.0, samples=21)
+        if cyclic
+        else methods.problem_of(CASE).task.tasks[0].path
     )
     limits = pk.Limits(position=np.deg2rad([90.0, 120.0, 120.0]), velocity=3.8)
     both = [pk.kinetic_energy, pk.torque_norm]
@@ -150,21 +127,19 @@ def test_the_general_program_s_optimum_is_ours(cyclic):
         mine, _ = ours(start, main, free, False)
         values = [float(task.objectives[main](task.motion(q))) for q in (mine, other)]
         assert values[0] == pytest.approx(values[1], rel=1e-3)
-        assert task.motion(other).tracking_error.max() < cases.OFF_PATH
-        assert task.violations(task.motion(other)).max() < cases.VIOLATION
+        assert task.motion(other).tracking_error.max() < methods.OFF_PATH
+        assert task.violations(task.motion(other)).max() < methods.VIOLATION
 
 
 @pytest.mark.usefixtures("here")
 def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
-    for module in (cases, methods, running, study):
+    for module in (methods, study):
         monkeypatch.setattr(module, "POPULATION", 8)
     monkeypatch.setattr(study, "QUICK", (CASE,))
     monkeypatch.setattr(study, "QUICK_EVALUATIONS", 32)
-    monkeypatch.setattr(
-        running, "methods_of", lambda _: [*running.CELLS, running.OURS, running.PLAIN, running.EPSILON, "NSGA-II"]
-    )
-    monkeypatch.setattr(running, "PYMOO", ("NSGA-II",))
-    monkeypatch.setattr(running, "PYGMO", ())
+    monkeypatch.setattr(study, "methods_of", lambda _: [*study.CELLS, study.OURS, study.EPSILON, "NSGA-II"])
+    monkeypatch.setattr(study, "PYMOO", ("NSGA-II",))
+    monkeypatch.setattr(study, "PYGMO", ())
     monkeypatch.setattr(study, "reference_front", lambda: NOTHING)
     file = tmp_path / "fronts.json"
     study.main(["--quick", "--seeds", "2", "--json", str(file)])
@@ -173,7 +148,7 @@ def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
         raise AssertionError(name)
 
     rows = json.loads(file.read_text(), parse_constant=refuse)
-    assert {row["table"] for row in rows} == {running.COMPARED, running.COUNTED, running.ADDED, running.LEFT}
-    left = [(row["row"], row["column"]) for row in rows if row["table"] == running.LEFT]
-    assert len(left) == len(set(left)) == 2 * len(running.methods_of(CASE))
+    assert {row["table"] for row in rows} == {study.COMPARED, study.COUNTED, study.ADDED, study.LEFT}
+    left = [(row["row"], row["column"]) for row in rows if row["table"] == study.LEFT]
+    assert len(left) == len(set(left)) == 2 * len(study.methods_of(CASE))
     assert "left out" in capsys.readouterr().out

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -12,11 +11,10 @@ casadi = pytest.importorskip("casadi")
 
 import paretoik as pk  # noqa: E402
 from paretoik.task.random_starts import rollout_starts  # noqa: E402
-from paretoik.trajectory.grid_oracle import grid_oracle  # noqa: E402
-from studies.benchmarks.basins.cases import all_cases  # noqa: E402
+from studies.benchmarks.basins import all_cases  # noqa: E402
 from studies.benchmarks.peers.programs import joint_program, staged_program  # noqa: E402
 from studies.benchmarks.peers.solvers import COMPILER, Settings, blockwise, compiled, state  # noqa: E402
-from studies.benchmarks.planner import optima, simulations  # noqa: E402
+from studies.benchmarks.planner import simulations  # noqa: E402
 from studies.benchmarks.planner.questions import Cores, Question, peer, task_of, tracking  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("unchecked")  # our kernels get CasADi's symbols
@@ -125,7 +123,6 @@ def test_a_simulation_is_compared_with_its_peers_on_both_cores(monkeypatch, tmp_
     monkeypatch.setattr(simulations, "COMPILER", None)  # compiled forms are tested above
     monkeypatch.setattr(simulations, "BEGINNINGS", simulations.BEGINNINGS[1:2])
     monkeypatch.setattr(simulations, "WARMS", simulations.WARMS[:1])
-    monkeypatch.setattr(optima, "grid_oracle", partial(grid_oracle, resolution=0.06))
     effort = simulations.Effort(starts=4, repeats=1)
     with Cores() as cores:
         peers = simulations.forms(cores, "simulation_1", ["fitted"], effort, tmp_path)["fitted"]

@@ -14,8 +14,7 @@ from paretoik.trajectory.plan_starts import sample_starts
 from problems import kim_2021, tringali_2020
 from studies.benchmarks.peers import solvers
 from studies.benchmarks.peers.programs import joint_program
-from studies.benchmarks.refinement.__main__ import solve_all
-from studies.benchmarks.refinement.cases import STATED, motions
+from studies.benchmarks.refinement.__main__ import STATED, motions, solve_all
 from studies.benchmarks.refinement.nlp import Nlp, dense_nlp, ipopt_solver, motion_nlp
 
 SAMPLES = 11

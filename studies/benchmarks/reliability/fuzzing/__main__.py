@@ -2,8 +2,8 @@
 
     python -m studies.benchmarks.reliability.fuzzing [--seconds N] [--targets NAME ...] [--crashes FOLDER]
 
-Each target is fuzzed for the given time, from the inputs in tests/fuzzing/corpus on. Every new kind of defect is
-printed in one line with its file: copied into the corpus, it is a test. Atheris is needed (pip install ".[bench]").
+Each target is fuzzed from the inputs in tests/fuzzing/corpus on. Every new kind of defect is printed in one line with
+its file: copied into the corpus, it is a test. Atheris is needed (pip install ".[bench]").
 """
 
 from __future__ import annotations

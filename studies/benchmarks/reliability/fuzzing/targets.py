@@ -202,7 +202,10 @@ class CommandLines:
 
     def run(self, words: list[str]) -> None:
         """Run the words of a command; raise Defect."""
-        self._make_project()
+        shutil.rmtree(self._folder)  # the last command may have left anything there
+        for name, content in self._contents.items():
+            (self._folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (self._folder / name).write_bytes(content)
         out, err = io.StringIO(), io.StringIO()
         code: object = None
         argv = patch.object(sys, "argv", ["paretoik", *words])
@@ -221,13 +224,6 @@ class CommandLines:
             except SystemExit as end:
                 code = 0 if end.code is None else end.code
         _check(code, out.getvalue(), err.getvalue(), several=words[0] == "list")
-
-    def _make_project(self) -> None:
-        """Make the folder new, as the last command may have left anything there."""
-        shutil.rmtree(self._folder)
-        for name, content in self._contents.items():
-            (self._folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (self._folder / name).write_bytes(content)
 
 
 def _check(code: object, out: str, err: str, *, several: bool) -> None:
@@ -284,7 +280,18 @@ class VerbOptions(CommandLines):
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
-        self.options = verb_options()
+        # The options of every verb: their names, and whether they are flags
+        group = typer.main.get_command(app)
+        self.options = {
+            verb: [
+                (name, bool(getattr(parameter, "is_flag", False)))
+                for parameter in command.params
+                if parameter.param_type_name == "option"
+                for name in (*parameter.opts, *parameter.secondary_opts)
+                if name not in LEFT_OUT
+            ]
+            for verb, command in group.commands.items()  # type: ignore[attr-defined]
+        }
 
     def __call__(self, data: bytes) -> None:
         """Run a verb with options; raise Defect."""
@@ -299,21 +306,6 @@ class VerbOptions(CommandLines):
             name, is_flag = [*self.options[verb], ("", False)][which % (len(self.options[verb]) + 1)]
             words += [name] * bool(name) + [VALUES[value % len(VALUES)]] * (not is_flag)
         return words
-
-
-def verb_options() -> dict[str, list[tuple[str, bool]]]:
-    """Return the options of every verb: their names, and whether they are flags."""
-    group = typer.main.get_command(app)
-    return {
-        verb: [
-            (name, bool(getattr(parameter, "is_flag", False)))
-            for parameter in command.params
-            if parameter.param_type_name == "option"
-            for name in (*parameter.opts, *parameter.secondary_opts)
-            if name not in LEFT_OUT
-        ]
-        for verb, command in group.commands.items()  # type: ignore[attr-defined]
-    }
 
 
 CORPUS = Path(__file__).parents[4] / "tests" / "fuzzing" / "corpus"

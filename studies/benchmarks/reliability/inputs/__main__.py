@@ -1,12 +1,9 @@
-"""Bad inputs by rules: every class of wrong values for every argument of every public name.
-
-Objects and files that are no problems follow in rows of their own.
+"""Bad inputs by rules: every class of wrong values for every argument of every public name; objects and files, too.
 
     python -m studies.benchmarks.reliability.inputs [--quick] [--json FILE]
 
 Good is a refusal in one line that names the argument, says the wish and the fact, before any work; poor lacks one of
-these. Bad is any other error, a warning, or an accepted value without a meaning. Poor and bad cases are printed at
-once.
+these. Bad is any other error, a warning, or an accepted value without a meaning. Poor and bad cases are printed.
 """
 
 from __future__ import annotations

@@ -11,10 +11,9 @@ import re
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -53,6 +52,28 @@ def reason(case: str) -> str | None:
     return next((why for pattern, why in ACCEPTED.items() if fnmatchcase(case, pattern)), None)
 
 
+Verdict = Literal["good", "taken", "poor", "bad"]
+
+
+class Outcome(NamedTuple):
+    """The outcome of a case, and the words."""
+
+    verdict: Verdict
+    words: str
+
+
+def outcome_of(call: Callable[[], object], words: str = ".") -> Outcome:
+    """Return the outcome of a call: good is an error of ours, one printable line with the words (a pattern)."""
+    try:
+        call()
+    except ParetoikError as refusal:
+        text = str(refusal)
+        return Outcome("good" if text.isprintable() and re.search(words, text) else "poor", text)
+    except BaseException as error:
+        return Outcome("bad", cause_of(error))
+    return Outcome("bad", "taken")
+
+
 class Raising:
     """An object that raises on every access."""
 
@@ -85,23 +106,21 @@ class LongText:
         return "line\n" * 1000
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fault:
+class Fault(NamedTuple):
     """A class of wrong values: ``make`` makes one, given a folder that has files in it.
 
-    It is no fault for arguments of the kinds in ``fits``, perhaps one for those in ``doubtful``, and one for the
-    others.
+    Arguments of the kinds in ``fits`` may have the value, those in ``doubtful`` perhaps, others never.
     """
 
     name: str
     make: Callable[[Path], object]
-    fits: frozenset[str] = frozenset()
-    doubtful: frozenset[str] = frozenset()
+    fits: frozenset[str]
+    doubtful: frozenset[str]
 
 
 def _fault(name: str, value: object, fits: str = "", doubtful: str = "") -> Fault:
     make = value if callable(value) and not isinstance(value, type) else lambda _: value
-    return Fault(name=name, make=make, fits=frozenset(fits.split()), doubtful=frozenset(doubtful.split()))
+    return Fault(name, make, frozenset(fits.split()), frozenset(doubtful.split()))
 
 
 FAULTS = (
@@ -188,11 +207,7 @@ def message_faults(message: str, *, is_named: bool) -> list[str]:
     return [fault for fault, is_good in good.items() if not is_good]
 
 
-Verdict = Literal["good", "taken", "poor", "bad"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Case:
+class Case(NamedTuple):
     """A class of wrong values for an argument of a surface; ``is_certain`` if it can have no meaning."""
 
     surface: Surface
@@ -206,53 +221,17 @@ class Case:
         return f"{self.surface.name}({self.argument.name}): {self.fault.name}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Outcome:
-    """The outcome of a case: good, taken, poor or bad, and the words."""
-
-    verdict: Verdict
-    words: str
-
-
 def cases(surfaces: list[Surface]) -> Iterator[Case]:
     """Yield every class of bad values of every argument."""
     for surface in surfaces:
         for argument in surface.arguments:
             for fault in FAULTS:
                 if not argument.kinds & fault.fits:
-                    is_certain = not argument.kinds & fault.doubtful
-                    yield Case(surface=surface, argument=argument, fault=fault, is_certain=is_certain)
+                    yield Case(surface, argument, fault, not argument.kinds & fault.doubtful)
 
 
 def judge(case: Case, examples: Examples) -> Outcome:
     """Call a surface with one bad argument, all others good, and judge the outcome."""
-    call = _call(case, examples)
-    before, began = sorted(os.walk(examples.folder)), time.process_time()
-    with warnings.catch_warnings(record=True) as warned:
-        warnings.simplefilter("always")
-        try:
-            call()
-        except InvalidInput as refusal:
-            faults = message_faults(str(refusal), is_named=_is_named(case, str(refusal)))
-            words = f"{', '.join(faults)}: {refusal}" if faults else str(refusal)
-            outcome = Outcome(verdict="poor" if faults else "good", words=words)
-        except ParetoikError as failure:
-            outcome = Outcome(verdict="bad" if case.is_certain else "taken", words=f"{failure}")
-        except Exception as error:
-            outcome = Outcome(verdict="bad", words=cause_of(error))
-        else:
-            outcome = Outcome(verdict="taken", words="")
-    seconds = time.process_time() - began
-    if warned:
-        return Outcome(verdict="bad", words=f"warning: {warned[0].message}")
-    if outcome.verdict == "good" and seconds > SECONDS:
-        return Outcome(verdict="poor", words=f"after {seconds:.1f} s: {outcome.words}")
-    if outcome.verdict == "good" and sorted(os.walk(examples.folder)) != before:
-        return Outcome(verdict="poor", words=f"after files were written: {outcome.words}")
-    return outcome
-
-
-def _call(case: Case, examples: Examples) -> Any:
     surface, argument = case.surface, case.argument
     value = case.fault.make(examples.folder)
     others: dict[str, Any] = examples.arguments(surface, argument)
@@ -279,7 +258,29 @@ def _call(case: Case, examples: Examples) -> Any:
         elif surface.name in ("objective", "constraint", "step_objective"):
             result(lambda motion: motion.q)
 
-    return call
+    before, began = sorted(os.walk(examples.folder)), time.process_time()
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        try:
+            call()
+        except InvalidInput as refusal:
+            faults = message_faults(str(refusal), is_named=_is_named(case, str(refusal)))
+            words = f"{', '.join(faults)}: {refusal}" if faults else str(refusal)
+            outcome = Outcome("poor" if faults else "good", words)
+        except ParetoikError as failure:
+            outcome = Outcome("bad" if case.is_certain else "taken", str(failure))
+        except Exception as error:
+            outcome = Outcome("bad", cause_of(error))
+        else:
+            outcome = Outcome("taken", "")
+    seconds = time.process_time() - began
+    if warned:
+        return Outcome("bad", f"warning: {warned[0].message}")
+    if outcome.verdict == "good" and seconds > SECONDS:
+        return Outcome("poor", f"after {seconds:.1f} s: {outcome.words}")
+    if outcome.verdict == "good" and sorted(os.walk(examples.folder)) != before:
+        return Outcome("poor", f"after files were written: {outcome.words}")
+    return outcome
 
 
 def _is_named(case: Case, message: str) -> bool:

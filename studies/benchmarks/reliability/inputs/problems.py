@@ -11,11 +11,9 @@ import numpy as np
 from pymoo.core.problem import Problem
 
 import paretoik as pk
-from paretoik.errors import ParetoikError
-from paretoik.inputs import cause_of
 from paretoik.loading import load_problem
 from problems import marcos_2012
-from studies.benchmarks.reliability.inputs.judging import Outcome, Raising, RaisingText
+from studies.benchmarks.reliability.inputs.judging import Outcome, Raising, RaisingText, outcome_of
 
 
 class Untold(Exception):  # noqa: N818
@@ -153,20 +151,8 @@ def outcomes(folder: Path) -> Iterator[tuple[str, str, Outcome]]:
     searched = [("Search(problem)", each) for each in (*objects(), ("a closed loop", marcos_2012.circle_3r))]
     solved = [("solve(problem)", each) for each in (*objects(), *evaluations())]
     for surface, (name, make) in (*searched, *solved):
-        yield surface, name, _outcome(partial(SEARCHES[surface], make()))
+        yield surface, name, outcome_of(partial(SEARCHES[surface], make()))
     for number, (name, text) in enumerate(FILES.items()):
         file = folder / f"none_{number}.py"
         file.write_bytes(text if isinstance(text, bytes) else text.encode())
-        yield "problem files", name, _outcome(partial(load_problem, f"{file}:mine"))
-
-
-def _outcome(call: Callable[[], object]) -> Outcome:
-    try:
-        call()
-    except ParetoikError as refusal:
-        words = str(refusal)
-        good = words.isprintable() and bool(words)
-        return Outcome(verdict="good" if good else "poor", words=words)
-    except BaseException as error:
-        return Outcome(verdict="bad", words=cause_of(error))
-    return Outcome(verdict="bad", words="taken")
+        yield "problem files", name, outcome_of(partial(load_problem, f"{file}:mine"))

@@ -15,8 +15,7 @@ import sys
 import types
 import typing
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -59,8 +58,7 @@ RESULTS = frozenset(
 """Classes that functions of the library make and return; the functions check their arguments."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Argument:
+class Argument(NamedTuple):
     """An argument by name and the kinds of values that it takes; ``star`` says that it can come in any number.
 
     Users do not write its name if it ``is_unnamed``.
@@ -73,8 +71,7 @@ class Argument:
     is_unnamed: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
-class Surface:
+class Surface(NamedTuple):
     """A callable that users call, by its public name; a method has an ``owner``."""
 
     name: str
@@ -90,7 +87,17 @@ def surfaces() -> list[Surface]:
     for name in sorted(dir(paretoik)):
         item = getattr(paretoik, name)
         for public, each in members(name, item) if inspect.ismodule(item) else [(name, item)]:
-            for surface in _callables(public, each):
+            found = list[Surface]()
+            if inspect.isclass(each):
+                is_made = each.__name__ not in RESULTS and not issubclass(each, Exception) and not _is_protocol(each)
+                if is_made and each.__init__ is not object.__init__:
+                    found += _surface(public, None, "", each, skip=0)
+                home = each.__module__.removeprefix("paretoik.")
+                if not _is_protocol(each) and (not home.startswith(SEAM) or home.startswith("formulations.")):
+                    found += _methods(public, each)
+            elif callable(each):
+                found += _surface(public, None, "", each, skip=0)
+            for surface in found:
                 by_function.setdefault(inspect.unwrap(surface.function), surface)
     return list(by_function.values())
 
@@ -104,18 +111,6 @@ def members(name: str, module: types.ModuleType) -> Iterator[tuple[str, object]]
         is_own = home == module.__name__ or hasattr(module, "__path__") or inspect.isclass(item)
         if not member.startswith("_") and is_own and home.startswith(f"{package}."):
             yield f"{name}.{member}", item
-
-
-def _callables(name: str, item: Any) -> Iterator[Surface]:
-    if inspect.isclass(item):
-        is_made = item.__name__ not in RESULTS and not issubclass(item, Exception) and not _is_protocol(item)
-        if is_made and item.__init__ is not object.__init__:
-            yield from _surface(name, None, "", item, skip=0)
-        home = item.__module__.removeprefix("paretoik.")
-        if not _is_protocol(item) and (not home.startswith(SEAM) or home.startswith("formulations.")):
-            yield from _methods(name, item)
-    elif callable(item):
-        yield from _surface(name, None, "", item, skip=0)
 
 
 def _methods(name: str, owner: type) -> Iterator[Surface]:
@@ -137,11 +132,13 @@ def _surface(
         parameters = list(inspect.signature(function).parameters.values())[skip:]
     except ValueError:  # errors take any text
         return
-    arguments = tuple(_argument(parameter, _scope(function)) for parameter in parameters)
+    home = function if inspect.isclass(function) else inspect.unwrap(function)
+    scope = vars(sys.modules[getattr(home, "__module__", type(function).__module__)])
+    arguments = tuple(_argument(parameter, scope) for parameter in parameters)
     if method == "evaluate":
         arguments = arguments[:1]  # the others are pymoo's
     if arguments:
-        yield Surface(name=name, owner=owner, method=method, function=function, arguments=arguments)
+        yield Surface(name, owner, method, function, arguments)
 
 
 def _argument(parameter: inspect.Parameter, scope: dict[str, Any]) -> Argument:
@@ -154,11 +151,6 @@ def _argument(parameter: inspect.Parameter, scope: dict[str, Any]) -> Argument:
         is_unnamed=parameter.kind in (parameter.POSITIONAL_ONLY, parameter.VAR_POSITIONAL),
         is_required=parameter.default is parameter.empty and not star,
     )
-
-
-def _scope(function: Callable[..., Any]) -> dict[str, Any]:
-    home = function if inspect.isclass(function) else inspect.unwrap(function)
-    return vars(sys.modules[getattr(home, "__module__", type(function).__module__)])
 
 
 def _kinds(annotation: Any, scope: dict[str, Any]) -> set[Kind]:

@@ -1,1 +1,0 @@
-"""How often the best optimum is found on random problems: our plan against multi-starts of IPOPT and FATROP."""

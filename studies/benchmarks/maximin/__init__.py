@@ -1,1 +1,0 @@
-"""MaxiMin against pymoo's algorithms on test problems, at equal evaluations."""

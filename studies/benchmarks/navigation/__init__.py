@@ -1,1 +1,0 @@
-"""Random moves along certified fronts, compared with other methods; see ``__main__``."""
