@@ -22,7 +22,7 @@ import cloudpickle
 from paretoik.errors import InvalidInput, warn_user
 from paretoik.inputs import cause_of
 from paretoik.runs.journal import Values, recalled, remembered
-from paretoik.runs.user_code import is_library_module
+from paretoik.runs.user_code import is_library
 from paretoik.stop_flag import check_interruption
 
 # Messages to workers, as bytes: library objects are sent by name, users' code by content.
@@ -52,7 +52,7 @@ def _is_users_module(name: str) -> bool:
     """Return whether a module is a user's; the first answer is kept."""
     module = sys.modules[name]
     is_named = isinstance(module, ModuleType) and getattr(module, "__name__", None) == name
-    return is_named and not is_library_module(module)
+    return is_named and not is_library(name)
 
 
 # Computation in this process, or by an executor.
