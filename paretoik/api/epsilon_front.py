@@ -186,13 +186,27 @@ class _SweepDisplay:
         generation = None
         if is_news:
             front, signs = progress.objectives[progress.front], self._signs
+            points: tuple[RecordedPoint, ...] = ()
+            if self._session.recorder is not None:  # the best point per objective and the compromise
+                rows, axes = zip(*marked_rows(front, progress.front), strict=True)
+                x = progress.x[progress.front[list(rows)]]
+                motions = self._certifier.formulation.individuals(x).motions
+                points = tuple(
+                    RecordedPoint(
+                        id=int(progress.front[row]),
+                        objectives=front[row] * signs,
+                        axis=axis,
+                        motion=None if motions is None else record_motion(motions[place], curves=False),
+                    )
+                    for place, (row, axis) in enumerate(zip(rows, axes, strict=True))
+                )
             generation = Generation(
                 number=self._steps,
                 population=progress.objectives * signs,
                 front=front * signs,
                 front_ids=progress.front,
                 hypervolume=self._hypervolume.measure(front, self._steps),
-                points=self._marked(progress) if self._session.recorder is not None else (),
+                points=points,
                 epsilon=None if progress.epsilon is None else progress.epsilon * signs,
             )
             self._steps += 1
@@ -211,20 +225,3 @@ class _SweepDisplay:
                 hypervolume=self._hypervolume.measure(front.minimised, self._steps),
             )
             self._session.record(generation)
-
-    def _marked(self, progress: SweepProgress) -> tuple[RecordedPoint, ...]:
-        """Return the best point per objective and the compromise, with their motions."""
-        front = progress.objectives[progress.front]
-        marked = marked_rows(front, progress.front)
-        motions = self._certifier.formulation.individuals(
-            progress.x[progress.front[[row for row, _ in marked]]]
-        ).motions
-        return tuple(
-            RecordedPoint(
-                id=int(progress.front[row]),
-                objectives=front[row] * self._signs,
-                axis=axis,
-                motion=None if motions is None else record_motion(motions[place], curves=False),
-            )
-            for place, (row, axis) in enumerate(marked)
-        )

@@ -22,10 +22,9 @@ MISSED = 1e-6  # deviation of genes from a motion that a warning names [rad, m]
 
 
 def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes | None:
-    """Return genes (rows, n_var) of initial solutions.
+    """Return genes (rows, n_var) of initial solutions; warn of motions that the genes miss.
 
-    Warn of motions that the genes miss. Raises InvalidInput for a front of another problem without motions, and for
-    motions that the problem cannot encode.
+    Raises InvalidInput for motions that the problem cannot encode, and a front of another problem without any.
     """
     if isinstance(initial, Front):
         if initial.genes is not None and initial.provenance.get("fingerprint") == fingerprint(problem):
@@ -48,10 +47,7 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes
 
 
 def initial_points(formulation: Differentiable, initial: Genes | Motion | Front | None) -> Points | None:
-    """Return initial solutions as points of a formulation's program, or None.
-
-    Raises InvalidInput if they do not belong to the problem.
-    """
+    """Return initial solutions as points of a formulation's program, or None; raises InvalidInput for others."""
     if initial is None:
         return None
     if isinstance(initial, Front):
@@ -78,10 +74,7 @@ def remembered_motions(problem: Any, motions: Motion | None) -> Motion | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InitialSolutions:
-    """The initial solutions of a search.
-
-    ``genes`` (rows, n_var), and ``points``: the exact points of motions, if any.
-    """
+    """The ``genes`` (rows, n_var) of a search's initial solutions, and the exact ``points`` of motions, if any."""
 
     genes: Genes | None
     points: Points | None

@@ -31,9 +31,7 @@ def keep_path(
     overwrite: bool,
     observe: Observer | bool | None,
 ) -> Result:
-    """Return a tool path; save it in the folder ``out``.
-
-    The folder gets run.json, tool_path.npz, review.rrd and picture.png.
+    """Return a tool path; save run.json, tool_path.npz, review.rrd and picture.png in the folder ``out``.
 
     `tool_path.npz` has the arrays and numbers of the result by name, ``start``, ``target``, and the box of the model,
     ``lower`` and ``upper``.

@@ -182,17 +182,13 @@ def _level_observer(session: Session, task: MotionTask, levels: list[PlannedLeve
 def _planned_level(number: int, level: LevelProgress) -> PlannedLevel:
     """Return a level for drawing."""
     (objective,), task = level.task.objectives, level.task
-    starts, ends, optima = (
-        np.asarray(objective(task.motion(q)), dtype=float) for q in (level.starts, level.ends, level.optima)
-    )
+    motions = level.starts, level.ends, level.optima
+    starts, ends, optima = (np.asarray(objective(task.motion(q)), dtype=float) for q in motions)
     nearest = np.full(len(level.ends), -1)  # index of the optimum that each start led to, −1 for none
     if len(level.optima):
         distance = np.stack([joint_distance(task, level.ends, optimum) for optimum in level.optima], axis=1)
         near = level.converged & (distance.min(axis=1) <= OPTIONS.distinct)
         nearest = np.where(near, distance.argmin(axis=1), -1)
-    motions = PlannedMotions(
-        time=np.array(task.times), starts=level.starts, ends=level.ends, optima=level.optima, optimum=nearest
-    )
     broken = None if level.feasible else LeastViolating(broken=limit_words(task, task.motion(level.optima[0])))
     return PlannedLevel(
         number=number,
@@ -200,24 +196,18 @@ def _planned_level(number: int, level: LevelProgress) -> PlannedLevel:
         starts=starts,
         ends=np.where(level.converged, ends, np.nan),
         optima=optima,
-        motions=motions,
+        motions=PlannedMotions(
+            time=np.array(task.times), starts=level.starts, ends=level.ends, optima=level.optima, optimum=nearest
+        ),
         least_violating=broken,
     )
 
 
 def _plan_end(plan: Plan) -> PlanEnd:
     """Return the optima for drawing."""
-    optima = [
-        PlannedOptimum(
-            point=RecordedPoint(
-                id=place,
-                objectives=np.array([optimum.objective]),
-                motion=record_motion(optimum.motion, curves=True),
-            ),
-            branch=optimum.label,
-            status=optimum.status,
-            violation_between=float(optimum.violation_between),
-        )
-        for place, optimum in enumerate(plan.optima)
-    ]
+    optima = []
+    for place, each in enumerate(plan.optima):
+        motion, between = record_motion(each.motion, curves=True), float(each.violation_between)
+        point = RecordedPoint(id=place, objectives=np.array([each.objective]), motion=motion)
+        optima.append(PlannedOptimum(point=point, branch=each.label, status=each.status, violation_between=between))
     return PlanEnd(optima=optima, provenance=dict(plan.provenance))

@@ -94,10 +94,7 @@ def motion_bytes(arm: Arm, time: np.ndarray, q: np.ndarray) -> bytes:
 
 
 def read_stored_motions(file: Path, digest: object, ids: np.ndarray) -> StoredMotions:
-    """Return the motions of a file.
-
-    Raises InvalidRun unless the file has this digest and the motions have these ids.
-    """
+    """Return the motions of a file; raises InvalidRun unless it has this digest, and the motions these ids."""
     arrays = read_motions(file, read_verified(file, digest), ids)
     if "q" not in arrays:
         raise InvalidRun(f"{file} must contain motions, got none")

@@ -143,10 +143,7 @@ def select(
 
 
 def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, problem: str | None, as_json: bool) -> None:
-    """Print the choices of a run, after one step back if ``undo``.
-
-    Raises InvalidInput if a preference is given too.
-    """
+    """Print the choices of a run, after one step back if ``undo``. Raises InvalidInput if a preference is given too."""
     if wishes:
         raise InvalidInput(f"--history and --undo must come without a preference, got --{next(iter(wishes))} too")
     read_run(run / RUN)

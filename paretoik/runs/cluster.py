@@ -69,10 +69,8 @@ OPTIONS = ClusterOptions()
 
 
 class Task(NamedTuple):
-    """A function with its items, as bytes.
+    """A pickled function with pickled pairs of place and item, as bytes.
 
-    function: pickled function
-    items: pickled pairs of place and item
     key: key of the shared object
     seconds: time that an item may take, None for no limit
     software: versions that the worker must have
@@ -123,10 +121,7 @@ _LOCAL = _Local()
 
 
 def itself(shared: bytes) -> bytes:
-    """Return the shared object unchanged.
-
-    As the result of a task, Dask sends it again to workers that replace others.
-    """
+    """Return the shared object, which Dask, as the result of a task, sends again to workers that replace others."""
     return shared
 
 
@@ -235,17 +230,11 @@ class Cluster:
 
     @property
     def workers(self) -> int:
-        """Number of items computed at a time: at least two.
-
-        More workers may join later.
-        """
+        """Number of items computed at a time: at least two, as more workers may join later."""
         return max(self.threads, 2)
 
     def description(self) -> dict[str, Any]:
-        """Return the processes used, as an entry of `run.json`.
-
-        Machines and workers, grouped by make of processor.
-        """
+        """Return machines and workers, grouped by make of processor, as an entry of `run.json`."""
         makes = sorted({origin.processor for origin in self.origins})
         groups = [[origin for origin in self.origins if origin.processor == make] for make in makes]
         machines = [
@@ -281,10 +270,7 @@ class Cluster:
         yield from _Round(self, pickled("a function", function), items, seconds).replies()
 
     def shared(self) -> Any:
-        """Return the future of the shared object at the scheduler.
-
-        If the scheduler lost the object, it is sent again.
-        """
+        """Return the future of the shared object at the scheduler; if the scheduler lost it, it is sent again."""
         shared, content, future = self._shared
         if future is None or future.status in CANCELLED:
             key = f"paretoik-shared-{hashlib.sha256(content).hexdigest()}"
@@ -437,10 +423,7 @@ class _Round:
         future.add_done_callback(self.ended.put)
 
     def _gather(self, futures: Sequence[Any]) -> dict[Any, Any]:
-        """Return the results of finished tasks, fetched together to save round trips.
-
-        Empty if the fetch fails.
-        """
+        """Return the results of finished tasks, fetched together to save round trips. Empty if the fetch fails."""
         finished = [future for future in futures if future.status == "finished"]
         fetch = partial(self.cluster.client.gather, finished, asynchronous=True)
         with suppress(Exception):  # if this fails, each result is fetched separately

@@ -36,15 +36,20 @@ def computed(former: object = None) -> dict[str, Any]:
     return {"reproducible": _reproducible(entries), "by": entries}
 
 
-def computed_text(entry: object) -> str:
-    """Return the processes of a run's entry in one line, or "".
-
-    "" if the entry cannot be read.
-    """
-    entries = _entries(entry)
+def computed_text(stored: object) -> str:
+    """Return the processes of a run's entry in one line, "" if the entry cannot be read."""
+    entries = _entries(stored)
     if not entries:
         return ""
-    return f"{', then '.join(_words(each) for each in entries)}; {REPRODUCIBLE[_reproducible(entries)]}"
+    words = list[str]()
+    for entry in entries:
+        text = str(entry["by"]) + (f" ({entry['workers']})" if "workers" in entry else "")
+        if "machines" in entry:
+            makes = entry["machines"]
+            parts = [f"{each['workers']} workers on {each['machines']} machines, {each['processor']}" for each in makes]
+            text += f" ({'; '.join(parts) or 'no worker yet'})"
+        words.append(text)
+    return f"{', then '.join(words)}; {REPRODUCIBLE[_reproducible(entries)]}"
 
 
 REPRODUCIBLE = {
@@ -66,27 +71,11 @@ def _reproducible(entries: Sequence[Mapping[str, Any]]) -> str:
     return SAME if len(makes) == 1 else TOLERANCE
 
 
-def _words(entry: Mapping[str, Any]) -> str:
-    text = str(entry["by"])
-    if "workers" in entry:
-        text += f" ({entry['workers']})"
-    if "machines" in entry:
-        parts = [
-            f"{make['workers']} workers on {make['machines']} machines, {make['processor']}"
-            for make in entry["machines"]
-        ]
-        text += f" ({'; '.join(parts) or 'no worker yet'})"
-    return text
-
-
 # Executors: this process, local workers, or a cluster.
 
 
 def check_workers(workers: int | None, cluster: str | None) -> None:
-    """Raise InvalidInput for an invalid number of workers or address.
-
-    Both together are refused too.
-    """
+    """Raise InvalidInput for an invalid number of workers or address, and for both together."""
     if workers is not None:
         check_size("workers", workers, 1)
     if cluster is None:
@@ -102,9 +91,8 @@ def open_executor(workers: int | None, cluster: str | None, *, isolated: bool = 
     """Compute what the body distributes in workers, a cluster, or here.
 
     ``isolated`` starts one worker if neither workers nor a cluster are given: a worker can be killed when an evaluation
-    takes too long. Raises InvalidInput as ``check_workers`` does, and if there is no such cluster.
+    takes too long. Raises InvalidInput if there is no such cluster.
     """
-    check_workers(workers, cluster)
     if cluster is not None:
         from paretoik.runs.cluster import Cluster  # imported here because it loads Dask
 

@@ -40,9 +40,7 @@ def replace_file(file: Path, content: bytes, *, check: Callable[[Path], object] 
 
 
 def replace_files(folder: Path, contents: Mapping[str, bytes]) -> None:
-    """Replace files of a folder, by name, all or none.
-
-    The caller must be the folder's ``only_writer``.
+    """Replace files of a folder, by name, all or none; the caller must be the folder's ``only_writer``.
 
     Raises InvalidInput if the system refuses, as on a full disk; the former files are then unchanged.
     """

@@ -163,7 +163,15 @@ def function_parts(function: FunctionType) -> tuple[str, dict[str, object]]:
         for name, value in vars(function).items()
         if name != "__wrapped__" and (function.__name__, name) not in written
     }
-    return _bytecode(code) if node is None else _text(node), values
+    if node is None:
+        return _bytecode(code), values
+    # The source in a standard layout, without name, decorators and defaults.
+    bare: Any = copy.copy(node)
+    bare.args = copy.copy(node.args)
+    bare.args.defaults, bare.args.kw_defaults = [], [None] * len(node.args.kwonlyargs)
+    if not isinstance(node, ast.Lambda):
+        bare.name, bare.decorator_list = "_", []
+    return ast.unparse(bare), values
 
 
 def _closure(function: FunctionType) -> dict[str, object]:
@@ -179,16 +187,6 @@ def _reached(label: str, value: object, read: set[str]) -> dict[str, object]:
     for name in read & vars(value).keys():
         values |= _reached(f"{label}.{name}", vars(value)[name], read)
     return values
-
-
-def _text(node: Function) -> str:
-    """Return a function's source in a standard layout, without name, decorators and defaults."""
-    bare: Any = copy.copy(node)
-    bare.args = copy.copy(node.args)
-    bare.args.defaults, bare.args.kw_defaults = [], [None] * len(node.args.kwonlyargs)
-    if not isinstance(node, ast.Lambda):
-        bare.name, bare.decorator_list = "_", []
-    return ast.unparse(bare)
 
 
 def _bytecode(code: CodeType) -> str:
