@@ -48,11 +48,7 @@ CALLS = CallLimitOptions()
 
 
 def function_name(function: Callable[..., Any], nameless: str = "lambda") -> str:
-    """Return a function's name.
-
-    For a partial function this is the wrapped function's name, for another callable its class's name, and for a lambda
-    ``nameless``.
-    """
+    """Return a function's name: the wrapped one's for a partial, the class's for a callable, or ``nameless``."""
     while isinstance(function, partial):
         function = function.func
     name = str(attribute_of(function, "__name__", type(function).__name__))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.initial import initial_points, remembered_points
+from paretoik.api.initial import initial_points, remembered_initial
 from paretoik.api.refine import resolve_front
 from paretoik.api.session import RunRequest, Session, computing, open_session, surroundings
 from paretoik.arrays import Genes
@@ -125,7 +125,7 @@ def epsilon_front(
         check_solver(formulation.program(), solver)
     starting = initial_points(formulation, initial)
     with open_session(request) as session:
-        starting = remembered_points(starting)
+        starting = remembered_initial(x=starting).get("x")
         with computing(time_limit, session):
             session.record_search(formulation, "level")
             certifier = Certifier(formulation=formulation, solver=solver, observe=session.observe)
@@ -144,9 +144,8 @@ def epsilon_front(
             front = certified_front(certifier, x, np.arange(len(x)), ranges, session.provenance)
             front = resolve_front(RefinedFront(front, np.zeros(0, dtype=bool), False), certifier).front
             display.finish(front)
-        counts = {"points": len(front), "levels": display.levels, "seconds": round(session.seconds, 3)}
-        ending = {"status": session.stopped_by or "epsilon", "counts": counts}
-        front = replace(front, provenance={**front.provenance, **ending, "computed": session.provenance["computed"]})
+        ending = session.ended(session.stopped_by or "epsilon", points=len(front), levels=display.levels)
+        front = replace(front, provenance={**front.provenance, **ending})
         session.finish_front(front)
     return front
 

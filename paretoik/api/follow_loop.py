@@ -93,8 +93,7 @@ class LoopRun:
         status, done = "end of the path", len(run.q) - 1
         if done < steps:
             status = session.signal or "time limit"
-        counts = {"steps": done, "of": steps, "seconds": round(session.seconds, 3)}
-        front = run.front({**session.provenance, "status": status, "counts": counts})
+        front = run.front(session.ended(status, steps=done, of=steps))
         ranges = run.ranges * loop.signs[:, None]  # best and worst values in the user's own sign
 
         def end() -> SearchEnd:

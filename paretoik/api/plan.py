@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.initial import remembered_motions
+from paretoik.api.initial import remembered_initial
 from paretoik.api.result import limit_words, save_plan
 from paretoik.api.session import RunRequest, Session, computing, open_session, surroundings
 from paretoik.formulations.protocol import require_plan
@@ -139,15 +139,17 @@ def plan(
             check_solver(problem.program(), solver)
     (name,), (unit,), (maximised,) = problem.names, problem.units, map(bool, problem.maximised)
     with open_session(request) as session:
-        initial, levels, cell = remembered_motions(problem, initial), list[PlannedLevel](), workcell_of(problem)
+        given_q = problem.motion_points(initial) if isinstance(initial, Motion) else None
+        stored = remembered_initial(q=given_q).get("q")
+        initial = problem.task.motion(stored) if initial is None and stored is not None else initial
+        levels, cell = list[PlannedLevel](), workcell_of(problem)
         assert cell is not None
         session.start_recording(PlannedScene(name=name, unit=unit, maximised=maximised, workcell=cell))
         show = _level_observer(session, problem.task, levels)
         with computing(time_limit, session):
             plan = find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=show)
-        counts = {"optima": len(plan.optima), "starts": plan.starts, "seconds": round(session.seconds, 3)}
-        ending = {"status": session.stopped_by or "optima", "counts": counts, **plan.provenance}
-        plan = replace(plan, provenance={**session.provenance, **ending})
+        ending = session.ended(session.stopped_by or "optima", optima=len(plan.optima), starts=plan.starts)
+        plan = replace(plan, provenance={**ending, **plan.provenance})
 
         def draw(folder: Path) -> None:
             from paretoik.review.pictures.motions import plan_picture  # here: matplotlib loads slowly

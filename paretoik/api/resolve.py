@@ -186,9 +186,8 @@ def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotio
     while first.q.ndim > 2:
         first = first[0]
     steps, count = Counter(motion.traces.status.ravel().tolist()), int(np.prod(motion.q.shape[:-2]))
-    counts = {"motions": count, "steps": dict(steps), "seconds": round(session.seconds, 3)}
-    largest = float(np.abs(motion.traces.errors).max())
-    provenance = {**session.provenance, "status": "resolved", "counts": counts, "largest_error": largest}
+    provenance = session.ended("resolved", motions=count, steps=dict(steps))
+    provenance["largest_error"] = float(np.abs(motion.traces.errors).max())
     # In `traces.npz` every array of ``motion.traces`` has one row per motion, as in `motions.npz`.
     shape = motion.q.shape[:-2]
     traces = {each.name: np.asarray(getattr(motion.traces, each.name)) for each in fields(motion.traces)}

@@ -144,11 +144,7 @@ def holds_plan(folder: Path) -> bool:
 
 
 def read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], StoredMotions]:
-    """Return a plan's `run.json` entries, its columns of optima, and its motions.
-
-    Raises InvalidRun if a file is missing, damaged, a link, of another version or of another run, or if the run
-    contains no plan.
-    """
+    """Return a plan's `run.json` entries, its columns of optima, and its motions; raises InvalidRun if damaged."""
     with without_writers(folder):
         run = read_run(folder / RUN)
         if run.get("holds") != HOLDS:

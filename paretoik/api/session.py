@@ -249,6 +249,10 @@ class Session:
         """Entries of the run, with its entry "computed" so far."""
         return {**self.entries, "computed": computed(self.former)}
 
+    def ended(self, status: str, **counts: object) -> dict[str, Any]:
+        """Return the entries of the run with its status, its counts and their seconds."""
+        return {**self.provenance, "status": status, "counts": {**counts, "seconds": round(self.seconds, 3)}}
+
     # Progress and recording.
 
     @property

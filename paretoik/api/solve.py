@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from paretoik.api.follow_loop import LoopRun
-from paretoik.api.initial import InitialSolutions
+from paretoik.api.initial import genes_and_points, remembered_initial
 from paretoik.api.refine import refine_front
 from paretoik.api.session import RunRequest, Session, SolveSettings, computing, open_session, surroundings
 from paretoik.arrays import Genes
@@ -242,14 +242,14 @@ class FrontSearch:
             branches = given.algorithm is None and problem.n_obj > 1 and hasattr(problem, "species")
             given = replace(given, anchors=given.generations // (2 * problem.n_obj) if branches else 0)
         self.problem, self._given = problem, given
-        self._initial = InitialSolutions.of(problem, given.initial)
+        self._initial = genes_and_points(problem, given.initial)
         search = Search if given.islands == 1 else partial(Islands, islands=given.islands)
         self.search: Search | Islands = search(
             problem,
             population=given.population,
             seed=given.seed,
             algorithm=given.algorithm,
-            initial=self._initial.genes,
+            initial=self._initial["genes"],
             anchors=given.anchors,
         )
         self.improver = SearchImprover(self.search, problem, given.solver) if given.refine else None
@@ -283,18 +283,16 @@ class FrontSearch:
                 front = refine_front(
                     front, front.problem, solver=given.solver, observe=session.show, completion=completion
                 )
-            counts = {**front.provenance["counts"], "seconds": round(session.seconds, 3)}
-            ending = {"status": session.stopped_by or status, "counts": counts}
-            computed = session.provenance["computed"]
-            front = replace(front, provenance={**front.provenance, **ending, "computed": computed})
+            ending = session.ended(session.stopped_by or status, **front.provenance["counts"])
+            front = replace(front, provenance={**front.provenance, **ending})
         session.finish_front(front)
         return front
 
     def _evolve(self, session: Session) -> Front:
         """Return the front of the search, not refined."""
         search = self.search
-        hopeless = _SignalOrHopeless(session, self.problem, looks=self._initial.genes is None)
-        self._initial.remember()
+        hopeless = _SignalOrHopeless(session, self.problem, looks=self._initial["genes"] is None)
+        remembered_initial(**self._initial)
         session.record_search(search, "generation")
         endings = [*self.endings, hopeless]
         seconds = min((each.seconds for each in endings if isinstance(each, TimeLimit)), default=None)
@@ -330,22 +328,17 @@ class FrontSearch:
     def _front(self, session: Session, status: str) -> Front:
         """Return the front of the search so far."""
         search = self.search
-        front = search.front_of(self._given.points)
-        if self._initial.points is not None:
-            front = merge_front(front, require_program("solve", self.problem), self._initial.points, search.evaluations)
+        front, given = search.front_of(self._given.points), self._initial["points"]
+        if given is not None:
+            front = merge_front(front, require_program("solve", self.problem), given, search.evaluations)
         counts = {
             "generations": search.generation,
             "evaluations": search.evaluations,
             "iterations": 0 if self.improver is None else self.improver.spent,
             "failed": search.failed.count,
             "first_cause": search.failed.first_cause,
-            "seconds": round(session.seconds, 3),
         }
-        return replace(
-            front,
-            problem=search.problem,
-            provenance={**session.provenance, "status": status, "counts": counts},
-        )
+        return replace(front, problem=search.problem, provenance=session.ended(status, **counts))
 
     def _show(self, session: Session, progress: Progress) -> None:
         """Show a generation, with objectives in the user's own sign."""

@@ -256,10 +256,7 @@ def parse_bounds(text: str) -> dict[str, tuple[float | None, float | None]]:
 
 
 def parse_classes(text: str, start: int | None, run: Path) -> Classify:
-    """Return a preference with the class of every objective.
-
-    It starts from the point ``start``, or by default from the run's present choice.
-    """
+    """Return a preference with the class of every objective, from ``start`` or else the run's present choice."""
     lists: dict[str, list[str]] = {"improve": [], "keep": [], "free": []}
     values: dict[str, dict[str, float]] = {"improve": {}, "relax": {}}
     for name, kind in _parts("classify", text, "NAME=CLASS,NAME=CLASS"):

@@ -78,10 +78,7 @@ class _LenientFile(FileIO):
 
 
 def _lenient(stream: Any, original: Any, descriptor: int) -> Any:
-    """Return a stream that never raises, in place of stdout or stderr.
-
-    Other streams, which are not the ``original`` one, are returned unchanged.
-    """
+    """Return a stream that never raises, for the ``original`` stdout or stderr; others are returned unchanged."""
     if stream is None:
         return Path(os.devnull).open("w", encoding="utf-8")  # for the rest of the process
     if stream is not original or not isinstance(stream, TextIOWrapper):

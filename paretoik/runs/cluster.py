@@ -145,10 +145,6 @@ def run_task(shared: bytes, task: Task) -> Computed | Refused:
     return Computed([(places[i], reply) for i, reply in answers], origin)
 
 
-TRIM_THRESHOLD = -1  # M_TRIM_THRESHOLD in glibc's malloc.h
-TRIM = 64 * 2**20  # bytes of free memory that a worker keeps at the end of the heap; glibc itself grows to this value
-
-
 @cache
 def _keep_memory() -> None:
     """Keep freed memory in this process, if the system's library allows it.
@@ -157,7 +153,7 @@ def _keep_memory() -> None:
     search's time.
     """
     with suppress(AttributeError, OSError):
-        ctypes.CDLL(None).mallopt(TRIM_THRESHOLD, TRIM)
+        ctypes.CDLL(None).mallopt(-1, 64 * 2**20)  # M_TRIM_THRESHOLD [bytes]; glibc itself grows to this value
 
 
 # Connection to a Dask scheduler: if nobody listens, the error comes soon; a slow scheduler gets more time.

@@ -154,10 +154,10 @@ def become_worker() -> None:
 def distribute(
     function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None = None
 ) -> Iterator[tuple[int, Any | Lost]]:
-    """Yield the place and result of each item, in order of arrival.
+    """Yield the place and result, or ``Lost``, of each item, in order of arrival.
 
-    The result is a ``Lost`` if the item is lost. If the function raises, the other items are computed first; then the
-    error of the first such item is raised. Raises as the executor does.
+    If the function raises, the other items are computed first; then the error of the first such item is raised. Raises
+    as the executor does.
     """
     account, errors = _ACTIVE[0], dict[int, Exception]()
     begin = None if account.starting else time.monotonic()

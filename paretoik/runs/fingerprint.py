@@ -33,6 +33,7 @@ from paretoik.runs.user_code import (
 
 SCHEME = "4"  # version of the digests; it changes when digests are made in another way
 DECIMALS = 6  # decimals of computed values [rad, m, shares]: processors differ in the last bits
+EXACT = 2**53  # floats represent all integers up to this one
 DEPTH = 100  # largest depth of nested values, since Python's stack is limited; deeper ones count by type only
 
 
@@ -95,7 +96,8 @@ class Digester:
     def digest(self, value: object) -> bytes:
         """Return the digest of a value."""
         if isinstance(value, int | float | np.number) and not isinstance(value, Enum):
-            return self._array(np.asarray(value))
+            is_large = isinstance(value, int | np.integer) and abs(int(value)) >= EXACT
+            return joined("integer", str(value).encode()) if is_large else self._array(np.asarray(value))
         if value is None or isinstance(value, str | bytes | complex):
             return joined(type(value).__name__, repr(value).encode())
         if id(value) in self.done:
@@ -152,7 +154,7 @@ class Digester:
         shape, kind = str(array.shape).encode(), array.dtype.kind
         if kind == "O":
             return joined("items", shape, self.digest(array.tolist()))
-        if kind == "f" or (kind in "biu" and array.size and np.abs(array.astype(float)).max() < 2**53):
+        if kind == "f" or (kind in "biu" and array.size and np.abs(array.astype(float)).max() < EXACT):
             numbers = array.astype("<f8").round(DECIMALS) if self.rounded else array.astype("<f8")
             return joined("numbers", shape, (numbers + 0.0).tobytes())
         return joined("items", shape, str(array.dtype).encode(), array.tobytes())

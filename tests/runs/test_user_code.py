@@ -216,6 +216,10 @@ def test_every_version_of_python_with_this_scheme_has_the_same_fingerprint():
     assert fingerprint(EVERYTHING) == "4:4a57056433fe16f42ed1961a257290ed04f5591628183ca565dad732a8c858de"
 
 
+def test_integers_that_no_float_tells_apart_are_different():
+    assert len({fingerprint(2**70), fingerprint(2**70 + 1), fingerprint(np.array([2**60])), fingerprint(2**53)}) == 4
+
+
 def test_code_without_a_file_is_told_apart_by_its_bytecode():
     def made(text):
         names = {}
