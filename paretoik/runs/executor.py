@@ -15,9 +15,6 @@ from paretoik.runs.processes import WorkerProcesses
 # The entry ``computed`` of `run.json`: the processes that computed, and its text.
 
 
-SAME, TOLERANCE, UNKNOWN = "bit for bit", "to tolerance", "unknown"  # how a run can be reproduced in one process
-
-
 def computed(former: object = None) -> dict[str, Any]:
     """Return the processes used so far, as an entry of `run.json`.
 
@@ -52,10 +49,10 @@ def computed_text(stored: object) -> str:
     return f"{', then '.join(words)}; {REPRODUCIBLE[_reproducible(entries)]}"
 
 
-REPRODUCIBLE = {
-    SAME: "one process reproduces it bit for bit",
-    TOLERANCE: "processors of different makes, so one process reproduces it to tolerance",
-    UNKNOWN: "the makes of processor are unknown",
+REPRODUCIBLE = {  # in words, how a run can be reproduced in one process
+    "bit for bit": "one process reproduces it bit for bit",
+    "to tolerance": "processors of different makes, so one process reproduces it to tolerance",
+    "unknown": "the makes of processor are unknown",
 }
 
 
@@ -66,9 +63,9 @@ def _entries(computed_by: object) -> list[dict[str, Any]]:
 
 def _reproducible(entries: Sequence[Mapping[str, Any]]) -> str:
     if any(each.get("machines") == [] for each in entries):
-        return UNKNOWN
+        return "unknown"
     makes = {make.get("processor") for each in entries for make in (each, *each.get("machines", ()))}
-    return SAME if len(makes) == 1 else TOLERANCE
+    return "bit for bit" if len(makes) == 1 else "to tolerance"
 
 
 # Executors: this process, local workers, or a cluster.

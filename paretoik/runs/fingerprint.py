@@ -168,6 +168,7 @@ class Digester:
 # The parts of a class and of its objects.
 
 
+OWNERS = ("self", "cls", "super()")  # an object in the code of its own methods
 CONSTRUCTION = ("__init__", "__post_init__", "__new__", "__init_subclass__")
 EVALUATING = frozenset(  # methods of a problem that a search calls
     {"_evaluate", "evaluate", "__call__", "decode", "encode", "explain", "species", "sample_starts", "algorithm"}
@@ -247,7 +248,7 @@ def _state_names(kind: type) -> set[str]:
         attribute
         for name in late - _reachable(nodes, CONSTRUCTION)
         for owner, attribute in written_places(nodes[name])
-        if attribute is not None and owner in {_first_argument(nodes[name]), *classes}
+        if attribute is not None and owner in {*OWNERS, *classes}
     }
 
 
@@ -257,11 +258,6 @@ def _reachable(nodes: Mapping[str, Function], names: Iterable[str]) -> set[str]:
     while pending:
         name = pending.pop()
         reached.add(name)
-        owners = _first_argument(nodes[name]), "super()"
         used = [each for each in ast.walk(nodes[name]) if isinstance(each, ast.Attribute)]
-        pending += {each.attr for each in used if ast.unparse(each.value) in owners} & nodes.keys() - reached
+        pending += {each.attr for each in used if ast.unparse(each.value) in OWNERS} & nodes.keys() - reached
     return reached
-
-
-def _first_argument(node: Function) -> str:
-    return next((each.arg for each in [*node.args.posonlyargs, *node.args.args]), "")
