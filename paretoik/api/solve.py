@@ -256,14 +256,13 @@ class FrontSearch:
         self.endings = _endings(self.search, given)
         self._motions, self._hypervolume = GenerationMotions(self.search), HypervolumeCurve()
         target = given.target  # an infinite number is text in strict JSON
-        stored = replace(
-            given,
-            initial=given.initial is not None,
-            algorithm=None if given.algorithm is None else type(given.algorithm).__name__,
-            target=None if target is None else [float(each) if np.isfinite(each) else str(each) for each in target],
-        )
-        names = [each.name for each in fields(stored) if each.name not in NOT_STORED]
-        self.settings = {name: getattr(stored, name) for name in names}
+        stored = {
+            "initial": given.initial is not None,
+            "algorithm": None if given.algorithm is None else type(given.algorithm).__name__,
+            "target": None if target is None else [float(each) if np.isfinite(each) else str(each) for each in target],
+        }
+        names = [each.name for each in fields(given) if each.name not in NOT_STORED]
+        self.settings = {name: getattr(given, name) for name in names} | stored
 
     def run(self, session: Session) -> Front:
         """Return the saved and drawn front, refined unless a signal came."""
