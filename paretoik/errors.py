@@ -54,10 +54,7 @@ def warn_user(text: str) -> None:
 
 
 class ParetoikError(Exception):
-    """Base of every error that paretoik raises on purpose.
-
-    ``partial``: result of the verb so far, if any
-    """
+    """Base of every error that paretoik raises on purpose; ``partial``: result of the verb so far, if any."""
 
     partial: object = None
 
@@ -131,9 +128,6 @@ class EvaluationFailed(ParetoikError):  # noqa: N818
 
 
 class SolverFailed(ParetoikError):  # noqa: N818
-    """A solver ended without a solution, although one may exist.
-
-    The message has the solver's name and its status.
-    """
+    """A solver ended without a solution, although one may exist. The message has the solver's name and its status."""
 
     exit_code = 4

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path, PurePath
 
@@ -35,27 +36,22 @@ def missing_file(path: Path) -> str:
     try:
         os.lstat(path)
     except (FileNotFoundError, NotADirectoryError):
-        return _missing_part(path)
+        missing = path
+        while missing.parent != missing and not os.path.lexists(missing.parent):
+            missing = missing.parent
+        folder, is_folder = missing.parent, missing != path
+        if not folder.is_dir():
+            return f"a path through {folder}, which is no folder"
+        names = list[str]()
+        with suppress(OSError):  # it cannot be read
+            names += [each.name for each in folder.iterdir() if each.is_dir() == is_folder]
+        what = f"no folder {missing}" if is_folder else "no such file"
+        place = "" if path.is_absolute() else f" in {Path.cwd()}"
+        near = [name for name in names if get_close_matches(missing.stem, [Path(name).stem])]
+        return f"{what}{place}{likely_spelling(missing.name, near)}"
     except (OSError, ValueError) as fault:  # the path is too long, not readable, or has invalid characters
         return f"a path that cannot be followed, {getattr(fault, 'strerror', None) or fault}"
     kind = "a folder" if path.is_dir() else "something else"
     if path.is_symlink():
         return f"a link to {kind}" if path.is_dir() else "a link" if path.exists() else "a link that leads to nothing"
     return kind
-
-
-def _missing_part(path: Path) -> str:
-    missing = path
-    while missing.parent != missing and not os.path.lexists(missing.parent):
-        missing = missing.parent
-    folder, is_folder = missing.parent, missing != path
-    if not folder.is_dir():
-        return f"a path through {folder}, which is no folder"
-    try:
-        names = [each.name for each in folder.iterdir() if each.is_dir() == is_folder]
-    except OSError:  # it cannot be read
-        names = []
-    what = f"no folder {missing}" if is_folder else "no such file"
-    place = "" if path.is_absolute() else f" in {Path.cwd()}"
-    near = [name for name in names if get_close_matches(missing.stem, [Path(name).stem])]
-    return f"{what}{place}{likely_spelling(missing.name, near)}"

@@ -48,11 +48,7 @@ CALLS = CallLimitOptions()
 
 
 def function_name(function: Callable[..., Any], nameless: str = "lambda") -> str:
-    """Return a function's name.
-
-    For a partial function this is the wrapped function's name, for another callable its class's name, and for a lambda
-    ``nameless``.
-    """
+    """Return a function's name: the wrapped one's for a partial, the class's for a callable, or ``nameless``."""
     while isinstance(function, partial):
         function = function.func
     name = str(attribute_of(function, "__name__", type(function).__name__))
@@ -61,10 +57,9 @@ def function_name(function: Callable[..., Any], nameless: str = "lambda") -> str
 
 @contextmanager
 def user_function(name: str, failure: type[ParetoikError] = EvaluationFailed) -> Iterator[None]:
-    """Raise errors of the body, a user's function, as ``failure``.
+    """Raise errors of the body, a user's function, as ``failure``, with ``name`` and the cause.
 
-    The message has ``name`` and the cause. Errors of paretoik and Ctrl-C pass unchanged; sys.exit and all other errors
-    become a ``failure``.
+    Errors of paretoik and Ctrl-C pass unchanged; sys.exit and all other errors become a ``failure``.
     """
     try:
         yield
@@ -109,10 +104,7 @@ def limited_calls(limit: CallLimit) -> Iterator[None]:
 
 
 def end_late_verb(name: str, lasted: float) -> None:
-    """Raise the verb's failure if a call elsewhere lasted too long [s].
-
-    For instance a call in a worker.
-    """
+    """Raise the verb's failure if a call elsewhere, as in a worker, lasted too long [s]."""
     for limit in _LIMITS:
         if limit.ends_verb and limit.left(lasted, False) <= 0:
             raise limit.failure(name)
@@ -120,11 +112,10 @@ def end_late_verb(name: str, lasted: float) -> None:
 
 @contextmanager
 def limited_call(name: str, *, loads: bool = False) -> Iterator[None]:
-    """End the body as soon as a limit is reached.
+    """End the body, a call of a user's function or the loading of a problem (``loads``), when a limit is reached.
 
-    The body calls a user's function or, if ``loads``, loads a problem. Only Python code in the main thread can be
-    ended, and waiting calls such as ``time.sleep``. Compiled code that does not return is ended only in a worker.
-    Raises the limit's failure.
+    Only Python code in the main thread can be ended, and waiting calls such as ``time.sleep``. Compiled code that does
+    not return is ended only in a worker. Raises the limit's failure.
     """
     if not _LIMITS or threading.current_thread() is not threading.main_thread():
         yield
@@ -152,10 +143,7 @@ def limited_call(name: str, *, loads: bool = False) -> Iterator[None]:
 
 
 def attribute_of(value: object, name: str, default: object = None) -> Any:
-    """Return an attribute of a user's object, or the default.
-
-    The default is returned if the object has no such attribute or raises.
-    """
+    """Return an attribute of a user's object; the default if it has none or raises."""
     try:
         return getattr(value, name, default)
     except BaseException:  # a user's object may raise anything
@@ -254,18 +242,12 @@ def listed(names: Iterable[str]) -> str:
 
 
 def real_array(name: str, value: object) -> np.ndarray:
-    """Return ``value`` as a new float array.
-
-    Raises InvalidInput, with ``name``, unless it has real numbers.
-    """
+    """Return ``value`` as a new float array; raises InvalidInput, with ``name``, unless it has real numbers."""
     return _array(name, value, "iuf", "real numbers").astype(float)
 
 
 def integer_array(name: str, value: object) -> np.ndarray:
-    """Return ``value`` as a new array of integers.
-
-    Raises InvalidInput, with ``name``, unless it has integers.
-    """
+    """Return ``value`` as a new array of integers; raises InvalidInput, with ``name``, unless it has integers."""
     return _array(name, value, "iu", "integers").astype(np.int64)
 
 
@@ -285,10 +267,7 @@ def _array(name: str, value: object, kinds: str, wish: str) -> np.ndarray:
 
 
 def finite_array(name: str, value: object, shape: tuple[int, ...] | None = None) -> np.ndarray:
-    """Return ``value`` as a new float array.
-
-    Raises InvalidInput, with ``name``, unless it is finite and has this ``shape``.
-    """
+    """Return ``value`` as a new float array; raises InvalidInput unless it is finite and has this ``shape``."""
     array = real_array(name, value)
     if shape is not None and array.shape != shape:
         raise InvalidInput(f"{name}: must have shape {shape}, got shape {array.shape}")
@@ -301,10 +280,7 @@ def finite_array(name: str, value: object, shape: tuple[int, ...] | None = None)
 
 
 def real_number(name: str, value: object) -> float:
-    """Return ``value`` as a float.
-
-    Raises InvalidInput, with ``name``, unless it is one number; infinite is valid, NaN is not.
-    """
+    """Return ``value`` as a float; raises InvalidInput unless it is one number: infinite is valid, NaN is not."""
     array = real_array(name, value)
     if array.shape != () or np.isnan(array):
         fact = f"shape {array.shape}" if array.shape else "nan"
@@ -313,18 +289,12 @@ def real_number(name: str, value: object) -> float:
 
 
 def finite_number(name: str, value: object) -> float:
-    """Return ``value`` as a float.
-
-    Raises InvalidInput, with ``name``, unless it is one finite number.
-    """
+    """Return ``value`` as a float; raises InvalidInput, with ``name``, unless it is one finite number."""
     return float(finite_array(name, value, shape=()))
 
 
 def positive_number(name: str, value: object, unit: str) -> float:
-    """Return ``value`` as a float.
-
-    Raises InvalidInput, with ``name``, unless it is positive.
-    """
+    """Return ``value`` as a float; raises InvalidInput, with ``name``, unless it is positive."""
     number = finite_number(name, value)
     if number <= 0:
         raise InvalidInput(f"{name}: must be positive, got {number:g} {unit}")
@@ -349,18 +319,12 @@ def check_magnitude(name: str, values: ArrayLike, unit: str, *, positive: bool =
 
 
 def check_size(name: str, size: object, minimum: int) -> None:
-    """Raise InvalidInput unless ``size`` is an integer from ``minimum`` on.
-
-    Sizes that fit no memory are refused too.
-    """
+    """Raise InvalidInput unless ``size`` is an integer from ``minimum`` on that memory can hold."""
     _check_integer(name, size, minimum, OPTIONS.largest_count)
 
 
 def check_count(name: str, count: object) -> None:
-    """Raise InvalidInput unless ``count`` is a positive integer or None.
-
-    None means an open count.
-    """
+    """Raise InvalidInput unless ``count`` is a positive integer, or None for an open count."""
     if count is not None:
         check_size(name, count, 1)
 
@@ -371,10 +335,7 @@ def check_seed(name: str, seed: object) -> None:
 
 
 def is_integer(value: object) -> TypeGuard[SupportsInt]:
-    """Return whether a value is an integer (not a truth value).
-
-    Integers of Python and NumPy count.
-    """
+    """Return whether a value is an integer of Python or NumPy (not a truth value)."""
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
@@ -386,19 +347,13 @@ def _check_integer(name: str, value: object, minimum: int, maximum: int) -> None
 
 
 def likely_spelling(name: object, names: Iterable[str]) -> str:
-    """Return a question that suggests a name of similar spelling, or "".
-
-    ``names``: names to suggest
-    """
+    """Return a question that suggests one of ``names`` of similar spelling, or ""."""
     near = get_close_matches(name, list(names), n=1) if isinstance(name, str) else []
     return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def degrees_hint(angles: ArrayLike) -> str:
-    """Return a hint to use radians, or "".
-
-    The hint is given if the largest of ``angles`` [rad] is more than two turns.
-    """
+    """Return a hint to use radians if the largest of ``angles`` [rad] is more than two turns, else ""."""
     sizes = np.abs(np.asarray(angles, dtype=float))
     largest = float(np.max(sizes[np.isfinite(sizes)], initial=0.0))
     if largest <= OPTIONS.turned:
@@ -407,10 +362,7 @@ def degrees_hint(angles: ArrayLike) -> str:
 
 
 def check_angles(name: str, angles: ArrayLike) -> None:
-    """Warn of angles [rad] that are probably degrees.
-
-    Raises InvalidInput for angles that are too large. Both messages have ``name``.
-    """
+    """Warn of angles [rad] that are probably degrees; raises InvalidInput for angles that are too large."""
     largest = float(np.abs(np.asarray(angles, dtype=float)).max(initial=0.0))
     if largest > OPTIONS.largest_angle:
         raise InvalidInput(f"{name} must be angles of at most {OPTIONS.largest_angle:g} rad, got {largest:g}")
@@ -419,10 +371,7 @@ def check_angles(name: str, angles: ArrayLike) -> None:
 
 
 def file_path(name: str, value: object) -> Path:
-    """Return ``value`` as a path.
-
-    Raises InvalidInput, with ``name``, unless it is valid for a file system.
-    """
+    """Return ``value`` as a path; raises InvalidInput, with ``name``, unless it is valid for a file system."""
     try:
         path = os.fspath(value) if isinstance(value, str | PathLike) else None
         parts = os.fsencode(path).split(os.fsencode(os.sep)) if isinstance(path, str) else []
@@ -463,20 +412,16 @@ def check_choice(name: str, value: object, choices: Iterable[object]) -> None:
 def check_instance(
     name: str, value: object, kind: type | UnionType | tuple[type, ...], wish: str, *, example: str = ""
 ) -> None:
-    """Raise InvalidInput unless ``value`` is an instance of ``kind``.
-
-    ``wish`` describes the kind in the message; ``example`` is one of its values.
-    """
+    """Raise InvalidInput unless ``value`` is an instance of ``kind``, which ``wish`` and ``example`` describe."""
     if not isinstance(value, kind):
         such_as = f", such as {example}" if example else ""
         raise InvalidInput(f"{name} must be {wish}{such_as}, got {shown(value)}")
 
 
 def read_list(name: str, value: object, kind: type | UnionType | tuple[type, ...], wish: str) -> tuple[Any, ...]:
-    """Return the items of a list or similar, as a tuple.
+    """Return the items of a list or similar as a tuple; raises InvalidInput unless all are of the ``kind``.
 
-    Raises InvalidInput, with ``name``, unless all items are of the ``kind``. Generators are refused: they give their
-    items only once.
+    Generators are refused: they give their items only once.
     """
     refusal = InvalidInput(f"{name} must be {wish}, got {shown(value)}")
     if isinstance(value, str | bytes | Mapping | Iterator):
@@ -492,10 +437,7 @@ def read_list(name: str, value: object, kind: type | UnionType | tuple[type, ...
 
 
 def check_mapping(name: str, value: object, wish: str, *, example: str = "") -> None:
-    """Raise InvalidInput unless ``value`` is a mapping with text keys.
-
-    ``wish`` describes its content in the message.
-    """
+    """Raise InvalidInput unless ``value`` is a mapping with text keys, which ``wish`` and ``example`` describe."""
     such_as = f", such as {example}" if example else ""
     if not isinstance(value, Mapping):
         raise InvalidInput(f"{name} must be {wish}{such_as}, got {shown(value)}")

@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeGuard
+from typing import Any
 
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.file_paths import missing_file, shell_command
@@ -39,7 +39,7 @@ def load_problem(reference: str) -> Any:
     module = _import_module(place)
     value = attribute_of(module, name)
     if value is None:
-        offered, others = list(_offers(module)), _unannotated(module)
+        offered, others = _offers(module)
         names = [listed(offered)] if offered else []
         names += [f"perhaps {listed(others)} (no return annotation)"] if others else []
         wish = (
@@ -50,7 +50,9 @@ def load_problem(reference: str) -> Any:
         hint = likely_spelling(name, [*offered, *others])
         raise InvalidInput(f"problem {reference!r} must be {wish}, got {shown(name)}{hint}")
     problem = value
-    if _is_factory(value, module):
+    function = _function_of(value)
+    is_factory = function is not None and (function.__module__ == module.__name__ or _returns_problem(function))
+    if hasattr(value, "evaluate") if inspect.isclass(value) else is_factory:  # a class of problems, or a function
         if required := _required_arguments(value):
             raise InvalidInput(
                 f"problem {reference!r} must be a function without arguments, got one that needs {', '.join(required)}"
@@ -64,7 +66,7 @@ def load_problem(reference: str) -> Any:
             summary = _summary(error, getattr(module, "__file__", None))
             raise InvalidInput(f"problem {reference!r} must be built without error, got {summary}") from error
     if not _is_problem(problem):
-        imported = _function_of(problem) is not None and problem is value
+        imported = function is not None and problem is value
         hint = "; a function from another module must say that it returns a problem: def f() -> pk.Tracking" * imported
         raise InvalidInput(
             f"problem {reference!r} must be a pymoo problem or a function that returns one, got {shown(problem)}{hint}"
@@ -75,8 +77,7 @@ def load_problem(reference: str) -> Any:
 def load_value(what: str, reference: str) -> Any:
     """Return the value of ``file.py:name`` or ``package.module:name``; nothing is called.
 
-    Raises InvalidInput, which begins with ``what``, if the file, the module or the name is missing, or if loading
-    fails.
+    Raises InvalidInput, which begins with ``what``, if it is missing or loading fails.
     """
     place, _, name = reference.rpartition(":")
     module = _import_module(place, what)
@@ -88,26 +89,15 @@ def load_value(what: str, reference: str) -> Any:
     return getattr(module, name)
 
 
-def problems_in(place: str) -> dict[str, str]:
-    """Return the problems of a module or file.
+def problems_in(place: str) -> tuple[dict[str, str], list[str]]:
+    """Return the problems of a module or file, with the first line of their documentation, and other names.
 
-    Each has the first line of its documentation.
-
-    A problem is a pymoo problem, or a function without required arguments that is annotated to return one. Raises
-    InvalidInput if the module cannot be loaded.
+    A problem is a pymoo problem, or a function without required arguments that is annotated to return one. The other
+    names are those of functions without required arguments and annotation, which may make problems. Raises InvalidInput
+    if the module cannot be loaded.
     """
-    offers = _offers(_import_module(place))
-    return {name: (inspect.getdoc(value) or "").partition("\n")[0] for name, value in offers.items()}
-
-
-def unannotated_in(place: str) -> list[str]:
-    """Return names of functions that may make problems.
-
-    They have no required arguments and no annotation.
-
-    Raises InvalidInput if the module or file cannot be loaded.
-    """
-    return _unannotated(_import_module(place))
+    offered, silent = _offers(_import_module(place))
+    return {name: (inspect.getdoc(value) or "").partition("\n")[0] for name, value in offered.items()}, silent
 
 
 def _import_module(place: str, what: str = "problem") -> ModuleType:
@@ -146,10 +136,7 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
 
 
 def _import_package(root: Path, name: str) -> None:
-    """Import a module or package from a folder by its name.
-
-    Others on sys.path with that name are ignored.
-    """
+    """Import a module or package from a folder by its name. Others on sys.path with that name are ignored."""
     folder, file = root / name, root / f"{name}.py"
     source, places = (folder / "__init__.py", [str(folder)]) if (folder / "__init__.py").is_file() else (file, None)
     if name in sys.stdlib_module_names:
@@ -173,34 +160,19 @@ def _import_package(root: Path, name: str) -> None:
         raise
 
 
-def _offers(module: ModuleType) -> dict[str, Any]:
-    public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
-    return {
-        name: value
-        for name, value in public.items()
-        if _is_problem(value) or (_is_own_factory(value, module) and _returns_problem(value))
-    }
-
-
-def _unannotated(module: ModuleType) -> list[str]:
-    return [
-        name
-        for name, value in vars(module).items()
-        if not name.startswith("_")
-        and _is_own_factory(value, module)
-        and "return" not in getattr(_function_of(value), "__annotations__", {})
-    ]
-
-
-def _is_factory(value: object, module: ModuleType) -> bool:
-    """Return whether a call may return a problem.
-
-    True for a problem class, a function that the module defines, and a function annotated to return a problem.
-    """
-    if inspect.isclass(value):
-        return hasattr(value, "evaluate")
-    function = _function_of(value)
-    return function is not None and (function.__module__ == module.__name__ or _returns_problem(function))
+def _offers(module: ModuleType) -> tuple[dict[str, Any], list[str]]:
+    """Return a module's problems by name, and names of functions that may make problems, as in ``problems_in``."""
+    offered, silent = dict[str, Any](), list[str]()
+    for name, value in vars(module).items():
+        if name.startswith("_"):
+            continue
+        function = _function_of(value)
+        is_factory = function is not None and function.__module__ == module.__name__ and not _required_arguments(value)
+        if _is_problem(value) or (is_factory and _returns_problem(value)):
+            offered[name] = value
+        elif is_factory and "return" not in getattr(function, "__annotations__", {}):
+            silent.append(name)
+    return offered, silent
 
 
 def _function_of(value: object) -> Callable[..., Any] | None:
@@ -222,12 +194,6 @@ def _returns_problem(value: Callable[..., Any]) -> bool:
     return inspect.isclass(returned) and hasattr(returned, "evaluate")
 
 
-def _is_own_factory(value: object, module: ModuleType) -> TypeGuard[Callable[..., Any]]:
-    """Return whether a value is a module's function without required arguments."""
-    function = _function_of(value)
-    return function is not None and function.__module__ == module.__name__ and not _required_arguments(value)
-
-
 def _required_arguments(function: Any) -> list[str]:
     try:
         parameters = inspect.signature(function).parameters.values()
@@ -243,10 +209,7 @@ def _is_problem(value: object) -> bool:
 
 
 def _summary(error: BaseException, file: str | None) -> str:
-    """Return an error in one line.
-
-    It includes the last line of ``file`` in the error's traceback.
-    """
+    """Return an error in one line. It includes the last line of ``file`` in the error's traceback."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
     where = f" in line {lines[-1]}" if lines else ""
     return cause_of(error, where)

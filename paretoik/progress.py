@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import partial
 from signal import SIGUSR1
 from typing import Any, TypeAlias
 
@@ -159,13 +158,13 @@ def open_observer(observe: Observer | bool | None, *, time_limit: float | None =
         else:
             shown = _LinePrinter(time_limit, patient=observe is None)
         if not isinstance(shown, _LinePrinter):  # other observers show compilations, so stderr gets no lines about them
-            stack.enter_context(observe_compilation(partial(_show_compilation, shown)))
+
+            def show_compilation(notice: CompilationNotice) -> None:
+                if shown is not None:
+                    shown(RunProgress(stage="compilation", summary=str(notice)))
+
+            stack.enter_context(observe_compilation(show_compilation))
         yield shown
-
-
-def _show_compilation(observe: Observer | None, notice: CompilationNotice) -> None:
-    if observe is not None:
-        observe(RunProgress(stage="compilation", summary=str(notice)))
 
 
 class NamedObserver:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from html import escape
 from typing import Any
 
@@ -59,10 +59,7 @@ def html_table(rows: Rows, *, caption: str = "") -> str:
 
 
 def html_text(text: str) -> str:
-    """Return text as HTML that keeps lines and columns.
-
-    Long lines are wrapped.
-    """
+    """Return text as HTML that keeps lines and columns. Long lines are wrapped."""
     return f'<pre style="white-space: pre-wrap">{escape(text)}</pre>'
 
 
@@ -87,14 +84,19 @@ def fit_screen(text: str) -> str:
 
 
 def wrap_text(text: str, width: int) -> str:
-    """Return text with lines longer than ``width`` wrapped between words.
+    """Return text with longer lines wrapped between words; their further parts begin below the second column."""
+    lines = list[str]()
+    for line in text.splitlines():
+        if len(line) <= width:
+            lines.append(line)
+            continue
+        label = re.match(r"\s*\S+\s{2,}|\s*", line)
+        indent = " " * min(label.end() if label is not None else 0, width // 2)
+        lines += textwrap.wrap(line, width, subsequent_indent=indent, break_on_hyphens=False, replace_whitespace=False)
+    return "\n".join(lines)
 
-    Further parts of a line begin below its second column.
-    """
-    return "\n".join(part for line in text.splitlines() for part in _wrap(line, width))
 
-
-def field_representation(item: object) -> str:
+def field_representation(item: Any) -> str:
     """Return a dataclass or named tuple as text that fits a screen.
 
     Fields with their default are left out, and long arrays are shown by their shapes.
@@ -103,7 +105,15 @@ def field_representation(item: object) -> str:
     >>> MotorCurve(stall=[1.0, 2.0], fastest=[3.0, 4.0])
     MotorCurve(stall=[1, 2], fastest=[3, 4])
     """
-    values = _fields(item)
+    values = {each.name: getattr(item, each.name) for each in fields(item)} if is_dataclass(item) else item._asdict()
+    for each in fields(item) if is_dataclass(item) else ():
+        value = values[each.name]
+        if each.default is not MISSING:
+            is_default = value is each.default or (isinstance(value, int | float | str) and value == each.default)
+        else:  # the class makes the default for each object
+            is_default = each.default_factory is not MISSING and not (isinstance(value, np.ndarray) or value)
+        if is_default:
+            del values[each.name]
     name, parts = type(item).__name__, [f"{field}={_brief(value)}" for field, value in values.items()]
     line = f"{name}({', '.join(parts)})"
     if len(line) <= SCREEN.width and "\n" not in line:
@@ -111,30 +121,15 @@ def field_representation(item: object) -> str:
     return fit_screen("\n".join([name, columns([(f"  {field}", _brief(value)) for field, value in values.items()])]))
 
 
-def _fields(item: Any) -> dict[str, Any]:
-    """Return a dataclass's fields without defaults, or a named tuple's fields."""
-    if not is_dataclass(item):
-        return dict(item._asdict())
-    return {each.name: value for each in fields(item) if not _is_default(each, value := getattr(item, each.name))}
-
-
-def _is_default(field: Field[Any], value: object) -> bool:
-    """Return whether a field has its default.
-
-    If the class makes the default for each object, an empty value counts as the default.
-    """
-    if field.default is not MISSING:
-        return value is field.default or (isinstance(value, int | float | str) and value == field.default)
-    return field.default_factory is not MISSING and not (isinstance(value, np.ndarray) or value)
-
-
 def _brief(value: object) -> str:
-    """Return a value in one line.
-
-    A short array is shown by its numbers, a long one by its shape and range.
-    """
+    """Return a value in one line. A short array is shown by its numbers, a long one by its shape and range."""
     if isinstance(value, np.ndarray):
-        return _brief_array(value)
+        kind = value.dtype.kind
+        if value.ndim <= 1 and value.size <= SCREEN.numbers:
+            return "[" + ", ".join(f"{each:.4g}" if kind == "f" else str(each) for each in value.ravel()) + "]"
+        finite = value[np.isfinite(value)] if kind in "iuf" else value[:0]
+        extent = f", {finite.min():.4g} to {finite.max():.4g}" if finite.size else ""
+        return f"{value.dtype} {value.shape}{extent}"
     if isinstance(value, float):
         return f"{value:.6g}"
     text = repr(value)
@@ -145,25 +140,3 @@ def _brief(value: object) -> str:
     if isinstance(value, Sequence | Mapping) and not isinstance(value, str):
         return f"{len(value)} of {type(value).__name__}"
     return text.splitlines()[0][: SCREEN.value].rstrip("(,[ ")
-
-
-def _brief_array(array: np.ndarray) -> str:
-    shape = f"{array.dtype} {array.shape}"
-    if array.ndim <= 1 and array.size <= SCREEN.numbers:
-        return "[" + ", ".join(f"{each:.4g}" if array.dtype.kind == "f" else str(each) for each in array.ravel()) + "]"
-    if array.dtype.kind not in "iuf" or not np.isfinite(array).any():
-        return shape
-    finite = array[np.isfinite(array)]
-    return f"{shape}, {finite.min():.4g} to {finite.max():.4g}"
-
-
-def _wrap(line: str, width: int) -> list[str]:
-    """Return a line in parts of at most ``width`` characters.
-
-    Further parts begin below the line's second column.
-    """
-    if len(line) <= width:
-        return [line]
-    label = re.match(r"\s*\S+\s{2,}|\s*", line)
-    indent = " " * min(label.end() if label is not None else 0, width // 2)
-    return textwrap.wrap(line, width, subsequent_indent=indent, break_on_hyphens=False, replace_whitespace=False)

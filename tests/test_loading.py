@@ -9,7 +9,7 @@ from pymoo.problems.multi.zdt import ZDT1
 
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.loading import load_problem, problems_in, unannotated_in
+from paretoik.loading import load_problem, problems_in
 from paretoik.runs.fingerprint import fingerprint
 from tests.api.problems import PATH, tracking
 
@@ -81,7 +81,7 @@ def file(tmp_path):
 
 
 def test_a_file_offers_its_own_problems_with_the_first_line_of_their_documentation(file):
-    problems = problems_in(file("simple.py", SIMPLE))
+    problems, _ = problems_in(file("simple.py", SIMPLE))
     assert problems.keys() == {"small", "sized", "broken", "ready"}
     assert problems["small"] == "Three genes."
     assert problems["sized"] == ""
@@ -125,8 +125,7 @@ def test_a_file_of_functions_that_say_nothing_proposes_them(file):
 
 def test_objects_that_have_every_attribute_are_no_problems_and_do_not_keep_others_from_being_read(file):
     place = file("mocking.py", "from unittest.mock import call\n\ndef reach():\n    return 3\n")
-    assert problems_in(place) == {}
-    assert unannotated_in(place) == ["reach"]
+    assert problems_in(place) == ({}, ["reach"])
     with pytest.raises(InvalidInput, match=r"has, perhaps reach .*got 'raech'; did you mean 'reach'"):
         load_problem(f"{place}:raech")
 
@@ -198,7 +197,7 @@ def test_a_dotted_module_is_found_from_the_current_folder(file, tmp_path, monkey
     file("stone.py", SIMPLE)
     monkeypatch.chdir(tmp_path)
     assert load_problem("stone:small").n_var == 3
-    assert "small" in problems_in("stone")
+    assert "small" in problems_in("stone")[0]
 
 
 def test_a_package_of_the_same_name_that_is_loaded_already_is_named(file):

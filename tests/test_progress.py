@@ -39,20 +39,12 @@ def test_the_time_left_counts_later_stages_once_enough_is_done(monkeypatch):
     assert seen[-1].remaining is None
 
 
-def test_the_answer_of_an_observer_is_passed_on():
-    assert count_observer(lambda progress: progress.done == 2, "point")(2, 3) is True
-
-
 def test_what_is_compiled_is_a_stage():
     seen: list[RunProgress] = []
     with open_observer(seen.append):
         announce(CompilationNotice(what="the planner", seconds=40.0))
     assert [(one.stage, one.total) for one in seen] == [("compilation", 0)]
     assert seen[0].summary.startswith("compiling the planner")
-
-
-def test_without_an_observer_nothing_is_shown():
-    assert count_observer(None, "point") is None
 
 
 # By verb: the folder that it works in, its problem, its call, and its stages.
@@ -195,16 +187,6 @@ def test_by_default_without_a_terminal_a_line_comes_once_a_minute_has_passed(mon
             observe(progress(0, total=0, stage="saving"))
     lines = capsys.readouterr().err.splitlines()
     assert lines == [str(NOTICE), "generation 3/10, at most 1:10 left", "generation 5/10, at most 0:30 left"]
-
-
-def test_what_is_compiled_is_a_line_at_once(capsys):
-    with open_observer(True):
-        announce(NOTICE)
-    with open_observer(True) as printer, open_observer(printer) as observe:
-        observe(progress(1))
-        announce(NOTICE)
-    lines = capsys.readouterr().err.splitlines()
-    assert lines == [str(NOTICE), "generation 1/10, at most 4:30 left", str(NOTICE)]
 
 
 @pytest.mark.parametrize(("done", "seconds"), [(0, 10.0), (1, 10.0), (10, 0.5 * OPTIONS.seconds)])

@@ -42,34 +42,21 @@ def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) ->
     >>> print(repr(pk.compare(a, b)))
     Comparison of 2 fronts, hypervolume front 1 0.3865, front 2 0.8466 of the merged front's
     """
-    named = None if labels is None else read_list("labels", labels, str, "a list of them")
+    named = None if labels is None else list(read_list("labels", labels, str, "a list of them"))
     loaded = [front if isinstance(front, Front) else Front.load(file_path("fronts", front)) for front in fronts]
-    return Comparison(
-        fronts=tuple(map(_with_computed_words, loaded)), labels=_labels(fronts) if named is None else named
-    )
-
-
-def _with_computed_words(front: Front) -> Front:
-    """Return a front with its entry "computed" in words, for comparison tables."""
-    if "computed" not in front.provenance:
-        return front
-    words = computed_text(front.provenance["computed"])
-    return attach(replace(front, provenance={**front.provenance, "computed": words}), front.folder)
-
-
-def _labels(fronts: Sequence[Front | Path | str]) -> tuple[str, ...]:
-    """Return a label for each front.
-
-    A front is labelled by its number, a folder by the shortest unique end of its path.
-    """
-    paths = [None if isinstance(front, Front) else Path(front).absolute() for front in fronts]
-    labels = [f"front {place}" if path is None else "" for place, path in enumerate(paths, 1)]
-    taken = set(labels)
-    for place, path in enumerate(paths):
-        if path is None:
-            continue
-        ends = [str(Path(*path.parts[-count:])) for count in range(1, len(path.parts))]
-        others = [str(each) for each in set(paths) - {path, None}]
-        free = [end for end in ends if end not in taken and not any(f"/{each}".endswith(f"/{end}") for each in others)]
-        labels[place] = next(iter(free), str(path))
-    return tuple(labels)
+    for place, front in enumerate(loaded):  # tables have the entry "computed" in words
+        if "computed" in front.provenance:
+            words = {**front.provenance, "computed": computed_text(front.provenance["computed"])}
+            loaded[place] = attach(replace(front, provenance=words), front.folder)
+    if named is None:  # a front is labelled by its number, a folder by the shortest unique end of its path
+        paths = [None if isinstance(front, Front) else Path(front).absolute() for front in fronts]
+        named = [f"front {place}" if path is None else "" for place, path in enumerate(paths, 1)]
+        taken = set(named)
+        for place, path in enumerate(paths):
+            if path is None:
+                continue
+            ends = [str(Path(*path.parts[-count:])) for count in range(1, len(path.parts))]
+            others = [f"/{each}" for each in set(paths) - {path, None}]
+            free = [end for end in ends if end not in taken and not any(each.endswith(f"/{end}") for each in others)]
+            named[place] = next(iter(free), str(path))
+    return Comparison(fronts=tuple(loaded), labels=tuple(named))

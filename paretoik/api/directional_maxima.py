@@ -118,8 +118,7 @@ def directional_maxima(
         session.start_recording(MaximaScene(workcell=alone, quantity=query.quantity))
         polygon = performance_polygon(query)
         found = int(np.isfinite(polygon.values).sum())
-        counts = {"directions": len(polygon), "found": found, "seconds": round(session.seconds, 3)}
-        provenance = {**session.provenance, "status": "maxima", "counts": counts}
+        provenance = session.ended("maxima", directions=len(polygon), found=found)
         unit = "m/s" if polygon.quantity == "velocity" else "N"
         arrays = {name: getattr(polygon, name) for name in ARRAYS}
         content = array_bytes(

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.initial import initial_points, remembered_points
+from paretoik.api.initial import initial_points, remembered_initial
 from paretoik.api.refine import resolve_front
 from paretoik.api.session import RunRequest, Session, computing, open_session, surroundings
 from paretoik.arrays import Genes
@@ -125,7 +125,7 @@ def epsilon_front(
         check_solver(formulation.program(), solver)
     starting = initial_points(formulation, initial)
     with open_session(request) as session:
-        starting = remembered_points(starting)
+        starting = remembered_initial(x=starting).get("x")
         with computing(time_limit, session):
             session.record_search(formulation, "level")
             certifier = Certifier(formulation=formulation, solver=solver, observe=session.observe)
@@ -144,9 +144,8 @@ def epsilon_front(
             front = certified_front(certifier, x, np.arange(len(x)), ranges, session.provenance)
             front = resolve_front(RefinedFront(front, np.zeros(0, dtype=bool), False), certifier).front
             display.finish(front)
-        counts = {"points": len(front), "levels": display.levels, "seconds": round(session.seconds, 3)}
-        ending = {"status": session.stopped_by or "epsilon", "counts": counts}
-        front = replace(front, provenance={**front.provenance, **ending, "computed": session.provenance["computed"]})
+        ending = session.ended(session.stopped_by or "epsilon", points=len(front), levels=display.levels)
+        front = replace(front, provenance={**front.provenance, **ending})
         session.finish_front(front)
     return front
 
@@ -186,13 +185,27 @@ class _SweepDisplay:
         generation = None
         if is_news:
             front, signs = progress.objectives[progress.front], self._signs
+            points: tuple[RecordedPoint, ...] = ()
+            if self._session.recorder is not None:  # the best point per objective and the compromise
+                rows, axes = zip(*marked_rows(front, progress.front), strict=True)
+                x = progress.x[progress.front[list(rows)]]
+                motions = self._certifier.formulation.individuals(x).motions
+                points = tuple(
+                    RecordedPoint(
+                        id=int(progress.front[row]),
+                        objectives=front[row] * signs,
+                        axis=axis,
+                        motion=None if motions is None else record_motion(motions[place], curves=False),
+                    )
+                    for place, (row, axis) in enumerate(zip(rows, axes, strict=True))
+                )
             generation = Generation(
                 number=self._steps,
                 population=progress.objectives * signs,
                 front=front * signs,
                 front_ids=progress.front,
                 hypervolume=self._hypervolume.measure(front, self._steps),
-                points=self._marked(progress) if self._session.recorder is not None else (),
+                points=points,
                 epsilon=None if progress.epsilon is None else progress.epsilon * signs,
             )
             self._steps += 1
@@ -211,20 +224,3 @@ class _SweepDisplay:
                 hypervolume=self._hypervolume.measure(front.minimised, self._steps),
             )
             self._session.record(generation)
-
-    def _marked(self, progress: SweepProgress) -> tuple[RecordedPoint, ...]:
-        """Return the best point per objective and the compromise, with their motions."""
-        front = progress.objectives[progress.front]
-        marked = marked_rows(front, progress.front)
-        motions = self._certifier.formulation.individuals(
-            progress.x[progress.front[[row for row, _ in marked]]]
-        ).motions
-        return tuple(
-            RecordedPoint(
-                id=int(progress.front[row]),
-                objectives=front[row] * self._signs,
-                axis=axis,
-                motion=None if motions is None else record_motion(motions[place], curves=False),
-            )
-            for place, (row, axis) in enumerate(marked)
-        )

@@ -96,7 +96,12 @@ def export(
     else:
         rate = (len(one.time) - 1) / float(one.duration)
     scaling = time_scaling(float(one.duration), rate, time_scale=time_scale, ramp=ramp)
-    notes = _notes(metadata, about)
+    if metadata is not None:
+        check_mapping("metadata", metadata, "entries by name")
+    notes: dict[str, Any] = to_json(dict(metadata or {}), name="metadata")
+    ours = next((name for name in notes if name in {*MADE, *about} - {"objectives"}), None)
+    if ours is not None:
+        raise InvalidInput(f"metadata must not use the names of entries that export writes, got {shown(ours)}")
     if kind == "ros2-bag":
         check_bag(target, overwrite=overwrite)
     else:
@@ -136,17 +141,3 @@ def _one_motion(motion: Choice | Motion) -> tuple[Motion, dict[str, Any]]:
     if motion.q.ndim != 2:
         raise InvalidInput(f"motion must be one motion, got a batch of {motion.q.shape[:-2]}; pick one: motions[0]")
     return motion, about
-
-
-def _notes(metadata: Mapping[str, Any] | None, about: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a user's metadata.
-
-    Raises InvalidInput for a reserved name, or a value that JSON cannot store.
-    """
-    if metadata is not None:
-        check_mapping("metadata", metadata, "entries by name")
-    notes: dict[str, Any] = to_json(dict(metadata or {}), name="metadata")
-    ours = next((name for name in notes if name in {*MADE, *about} - {"objectives"}), None)
-    if ours is not None:
-        raise InvalidInput(f"metadata must not use the names of entries that export writes, got {shown(ours)}")
-    return notes

@@ -18,6 +18,7 @@ from paretoik.errors import InvalidInput
 from paretoik.formulations.closed_loop import ClosedLoop, ClosedLoopRun, explain_choice
 from paretoik.formulations.control_step import check_steps
 from paretoik.front.front import Front
+from paretoik.front.storage import array_bytes
 from paretoik.progress import RunProgress
 from paretoik.review.recording.messages import workcell_of
 from paretoik.review.recording.recorder import Generation, SearchedFront, SearchedStep, SearchEnd
@@ -92,17 +93,14 @@ class LoopRun:
         status, done = "end of the path", len(run.q) - 1
         if done < steps:
             status = session.signal or "time limit"
-        counts = {"steps": done, "of": steps, "seconds": round(session.seconds, 3)}
-        front = run.front({**session.provenance, "status": status, "counts": counts})
+        front = run.front(session.ended(status, steps=done, of=steps))
         ranges = run.ranges * loop.signs[:, None]  # best and worst values in the user's own sign
 
         def end() -> SearchEnd:
             assert session.folder is not None
-            _write_steps(run, ranges, session.folder / STEPS)
             recorded = [(one.sample, one.generations) for one in run.fronts.values() if one.generations is not None]
             searched = [_searched_step(run, sample, generations) for sample, generations in recorded]
-            if searched:
-                _write_searches(run, searched, session.folder / SEARCHES)
+            _save_steps(run, ranges, searched, session.folder)
             return SearchEnd(front=None, choice=explain_choice(front), searched=searched)
 
         def draw(folder: Path) -> None:
@@ -114,10 +112,33 @@ class LoopRun:
         return front
 
 
-def _write_steps(run: ClosedLoopRun, ranges: np.ndarray, file: Path) -> None:
-    """Write a table of the steps, one row per step.
+def _searched_step(run: ClosedLoopRun, sample: int, generations: Generations) -> SearchedStep:
+    """Return the search of a step, with each generation's front and choice, in the user's own sign."""
+    loop = run.loop
+    fronts = [nondominated_rows(F) for F in generations.F]
+    chosen = [
+        front[choose(F[front], loop.weights)] if len(front) else -1
+        for F, front in zip(generations.F, fronts, strict=True)
+    ]
+    position = loop.task.tasks[0].path.positions[sample]
+    return SearchedStep(
+        sample=sample,
+        arm=loop.task.arm,
+        objectives=generations.F * loop.signs,
+        q=generations.q,
+        fronts=fronts,
+        chosen=np.array(chosen),
+        target=np.pad(position, (0, 3 - len(position))),
+    )
 
-    Columns: sample, time, and per objective the chosen, best and worst value on the front.
+
+def _save_steps(run: ClosedLoopRun, ranges: np.ndarray, searched: Sequence[SearchedStep], folder: Path) -> None:
+    """Write a table of the steps, and the recorded searches as plain arrays, all in the user's own sign.
+
+    `steps.parquet` has one row per step: sample, time, and per objective the chosen, best and worst value on the front.
+    `searches.npz`, one row per recorded step: ``steps`` (steps,), ``names`` and ``units`` (n_obj,), ``objectives``
+    (steps, generations, individuals, n_obj), ``q`` (steps, generations, individuals, dof), ``on_front`` (steps,
+    generations, individuals), and ``chosen`` (steps, generations): index of an individual, −1 if all failed.
     """
     import pyarrow as pa
     from pyarrow import parquet
@@ -129,54 +150,20 @@ def _write_steps(run: ClosedLoopRun, ranges: np.ndarray, file: Path) -> None:
         columns[f"best {name}"], columns[f"worst {name}"] = ranges[:, axis].T
     content = BytesIO()
     parquet.write_table(pa.table(columns), content)
-    replace_file(file, content.getvalue())
-
-
-def _searched_step(run: ClosedLoopRun, sample: int, generations: Generations) -> SearchedStep:
-    """Return the search of a step, with each generation's front and choice.
-
-    Objectives are in the user's own sign.
-    """
-    loop, fronts, chosen = run.loop, [], []
-    for F in generations.F:
-        front = nondominated_rows(F)
-        fronts.append(front)
-        chosen.append(front[choose(F[front], loop.weights)] if len(front) else -1)
-    target = np.zeros(3)
-    position = loop.task.tasks[0].path.positions[sample]
-    target[: len(position)] = position
-    return SearchedStep(
-        sample=sample,
-        arm=loop.task.arm,
-        objectives=generations.F * loop.signs,
-        q=generations.q,
-        fronts=fronts,
-        chosen=np.array(chosen),
-        target=target,
-    )
-
-
-def _write_searches(run: ClosedLoopRun, searched: Sequence[SearchedStep], file: Path) -> None:
-    """Write the recorded searches as plain arrays, one row per step.
-
-    ``steps`` (steps,), ``names`` and ``units`` (n_obj,), ``objectives`` (steps, generations, individuals, n_obj) in
-    the user's own sign, ``q`` (steps, generations, individuals, dof), ``on_front`` (steps, generations, individuals),
-    and ``chosen`` (steps, generations): index of an individual, −1 if all failed.
-    """
+    replace_file(folder / STEPS, content.getvalue())
+    if not searched:
+        return
     on_front = np.zeros((len(searched), *searched[0].q.shape[:2]), dtype=bool)
     for i, each in enumerate(searched):
         for number, front in enumerate(each.fronts):
             on_front[i, number, front] = True
-    content = BytesIO()
-    np.savez(
-        content,
-        allow_pickle=False,
-        steps=np.array([each.sample for each in searched]),
-        names=np.array(run.loop.names, dtype=np.str_),
-        units=np.array([each.unit for each in run.loop.objectives], dtype=np.str_),
-        objectives=np.array([each.objectives for each in searched]),
-        q=np.array([each.q for each in searched]),
-        on_front=on_front,
-        chosen=np.array([each.chosen for each in searched]),
-    )
-    replace_file(file, content.getvalue())
+    arrays = {
+        "steps": np.array([each.sample for each in searched]),
+        "names": np.array(run.loop.names, dtype=np.str_),
+        "units": np.array([each.unit for each in run.loop.objectives], dtype=np.str_),
+        "objectives": np.array([each.objectives for each in searched]),
+        "q": np.array([each.q for each in searched]),
+        "on_front": on_front,
+        "chosen": np.array([each.chosen for each in searched]),
+    }
+    replace_file(folder / SEARCHES, array_bytes(arrays))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from paretoik.formulations.protocol import ProblemParts
 from paretoik.front.front import Front
 from paretoik.pareto.differentiable import Differentiable
 from paretoik.runs.fingerprint import fingerprint
-from paretoik.runs.journal import key_of, recalled, remembered
+from paretoik.runs.journal import Values, key_of, recalled, remembered
 from paretoik.search.genes import checked_genes
 from paretoik.task.motion import Motion
 
@@ -22,10 +21,9 @@ MISSED = 1e-6  # deviation of genes from a motion that a warning names [rad, m]
 
 
 def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes | None:
-    """Return genes (rows, n_var) of initial solutions.
+    """Return genes (rows, n_var) of initial solutions; warn of motions that the genes miss.
 
-    Warn of motions that the genes miss. Raises InvalidInput for a front of another problem without motions, and for
-    motions that the problem cannot encode.
+    Raises InvalidInput for motions that the problem cannot encode, and a front of another problem without any.
     """
     if isinstance(initial, Front):
         if initial.genes is not None and initial.provenance.get("fingerprint") == fingerprint(problem):
@@ -48,10 +46,7 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes
 
 
 def initial_points(formulation: Differentiable, initial: Genes | Motion | Front | None) -> Points | None:
-    """Return initial solutions as points of a formulation's program, or None.
-
-    Raises InvalidInput if they do not belong to the problem.
-    """
+    """Return initial solutions as points of a formulation's program, or None; raises InvalidInput for others."""
     if initial is None:
         return None
     if isinstance(initial, Front):
@@ -65,39 +60,20 @@ def initial_points(formulation: Differentiable, initial: Genes | Motion | Front 
     return formulation.points(checked_genes(formulation, initial))
 
 
-def remembered_points(x: Points | None) -> Points | None:
-    """Return initial points; for a resumed run the original ones."""
-    return remembered(INITIAL, lambda: {} if x is None else {"x": x}).get("x")
+def remembered_initial(**arrays: np.ndarray | None) -> Values:
+    """Return arrays of initial solutions, without None; for a resumed run the original ones, from its journal."""
+    return remembered(INITIAL, lambda: {name: array for name, array in arrays.items() if array is not None})
 
 
-def remembered_motions(problem: Any, motions: Motion | None) -> Motion | None:
-    """Return initial motions; for a resumed run the original ones."""
-    values = remembered(INITIAL, lambda: {"q": problem.motion_points(motions)} if isinstance(motions, Motion) else {})
-    return motions if motions is not None or "q" not in values else problem.task.motion(values["q"])
+def genes_and_points(problem: Any, initial: Genes | Motion | Front | None) -> dict[str, np.ndarray | None]:
+    """Return the "genes" (rows, n_var) of a search's initial solutions, and the exact "points" of motions, if any.
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class InitialSolutions:
-    """The initial solutions of a search.
-
-    ``genes`` (rows, n_var), and ``points``: the exact points of motions, if any.
+    For a resumed run these are the original ones.
     """
-
-    genes: Genes | None
-    points: Points | None
-
-    @classmethod
-    def of(cls, problem: Any, initial: Genes | Motion | Front | None) -> InitialSolutions:
-        """Return the initial solutions; for a resumed run the original ones."""
-        values = recalled(INITIAL)
-        if values is not None:
-            return cls(genes=values.get("genes"), points=values.get("points"))
-        genes = initial_genes(problem, initial)
-        has_motions = initial.motions is not None if isinstance(initial, Front) else isinstance(initial, Motion)
-        points = initial_points(problem, initial) if has_motions and isinstance(problem, Differentiable) else None
-        return cls(genes=None if genes is None else checked_genes(problem, genes), points=points)
-
-    def remember(self) -> None:
-        """Write the solutions into the run's journal, if it has one."""
-        arrays = {"genes": self.genes, "points": self.points}
-        remembered(INITIAL, lambda: {name: array for name, array in arrays.items() if array is not None})
+    stored = recalled(INITIAL)
+    if stored is not None:
+        return {name: stored.get(name) for name in ("genes", "points")}
+    genes = initial_genes(problem, initial)
+    has_motions = initial.motions is not None if isinstance(initial, Front) else isinstance(initial, Motion)
+    points = initial_points(problem, initial) if has_motions and isinstance(problem, Differentiable) else None
+    return {"genes": None if genes is None else checked_genes(problem, genes), "points": points}

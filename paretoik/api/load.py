@@ -27,11 +27,16 @@ from paretoik.trajectory.plan import Optimum, Plan
 
 
 def named_problem(problem: Any, *, time_limit: float | None = None, evaluation_timeout: float | None = None) -> Any:
-    """Return ``problem``, or the problem that it names if it is text.
+    """Return ``problem``, for a polygon its arm or None, or the problem that it names if it is text.
 
-    Loading takes at most ``time_limit`` [s], and each call of a user's function ``evaluation_timeout`` [s]. Raises as
-    ``load_problem``; SolverFailed if loading takes longer; EvaluationFailed if several calls take longer.
+    Loading takes at most ``time_limit`` [s], and each call of a user's function ``evaluation_timeout`` [s]. Raises
+    InvalidInput for others, and as ``load_problem``; SolverFailed if loading takes longer; EvaluationFailed if several
+    calls take longer.
     """
+    timeline(problem)  # refuses objects whose attributes cannot be read
+    is_problem = not isinstance(problem, type) and (hasattr(problem, "n_obj") or hasattr(problem, "dof"))
+    if problem is not None and not isinstance(problem, str) and not is_problem:
+        raise InvalidInput(f"problem must be a problem or FILE.py:NAME, got {shown(problem)}")
     if not isinstance(problem, str):
         return problem
     check_time_limit(time_limit)
@@ -48,25 +53,11 @@ def named_problem(problem: Any, *, time_limit: float | None = None, evaluation_t
 
 
 def how_to_name(reference: object) -> str:
-    """Return a hint how to give the problem of a run.
-
-    ``reference`` is the name of the problem that the run stored.
-    """
+    """Return a hint how to give the problem of a run. ``reference`` is the name of the problem that the run stored."""
     words = problem_words(reference)
     if not words:
         return "the run names none; give it by problem= or --problem FILE.py:NAME"
     return f"its file is run only if you name it: problem=, or {shell_command(*words)}"
-
-
-def check_problem_argument(problem: object) -> None:
-    """Raise InvalidInput unless ``problem`` is a problem, its name, or None.
-
-    For a polygon an arm is valid too.
-    """
-    timeline(problem)
-    is_problem = not isinstance(problem, type) and (hasattr(problem, "n_obj") or hasattr(problem, "dof"))
-    if problem is not None and not isinstance(problem, str) and not is_problem:
-        raise InvalidInput(f"problem must be a problem or FILE.py:NAME, got {shown(problem)}")
 
 
 # The plan of a run.
@@ -95,7 +86,6 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
         If no problem is given, or another one than was planned.
     """
     folder = file_path("folder", folder)
-    check_problem_argument(problem)
     run, columns, stored = read_plan(folder)
     problem = named_problem(problem)
     if problem is None:
@@ -156,7 +146,6 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
     A run folder may come from anybody: the file that the folder itself names is never run.
     """
     folder = file_path("folder", folder)
-    check_problem_argument(problem)
     return with_problem(Front.load(folder), folder, problem)
 
 

@@ -30,9 +30,7 @@ def keep_path(
     overwrite: bool,
     observe: Observer | bool | None,
 ) -> Result:
-    """Return a tool path; save it in the folder ``out``.
-
-    The folder gets run.json, tool_path.npz, review.rrd and picture.png.
+    """Return a tool path; save run.json, tool_path.npz, review.rrd and picture.png in the folder ``out``.
 
     `tool_path.npz` has the arrays and numbers of the result by name, ``start``, ``target``, and the box of the model,
     ``lower`` and ``upper``.
@@ -51,8 +49,7 @@ def keep_path(
     with open_session(request) as session:
         session.start_recording(PathScene(title=title, start=query.start, target=query.target))
         path = compute()
-        counts = {"samples": len(path.times), "seconds": round(session.seconds, 3)}
-        provenance = {**session.provenance, "status": "path", "counts": counts, "duration": float(path.times[-1])}
+        provenance = session.ended("path", samples=len(path.times)) | {"duration": float(path.times[-1])}
         tool, reference = (path.points, None) if isinstance(path, FastestPath) else (path.positions, path.references)
         end = PathEnd(times=path.times, tool=tool, reference=reference, target=query.target, provenance=provenance)
         arrays = {each.name: np.asarray(getattr(path, each.name)) for each in fields(path)}

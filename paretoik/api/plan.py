@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.initial import remembered_motions
+from paretoik.api.initial import remembered_initial
 from paretoik.api.result import limit_words, save_plan
 from paretoik.api.session import RunRequest, Session, computing, open_session, surroundings
 from paretoik.formulations.protocol import require_plan
@@ -139,15 +139,17 @@ def plan(
             check_solver(problem.program(), solver)
     (name,), (unit,), (maximised,) = problem.names, problem.units, map(bool, problem.maximised)
     with open_session(request) as session:
-        initial, levels, cell = remembered_motions(problem, initial), list[PlannedLevel](), workcell_of(problem)
+        given_q = problem.motion_points(initial) if isinstance(initial, Motion) else None
+        stored = remembered_initial(q=given_q).get("q")
+        initial = problem.task.motion(stored) if initial is None and stored is not None else initial
+        levels, cell = list[PlannedLevel](), workcell_of(problem)
         assert cell is not None
         session.start_recording(PlannedScene(name=name, unit=unit, maximised=maximised, workcell=cell))
         show = _level_observer(session, problem.task, levels)
         with computing(time_limit, session):
             plan = find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=show)
-        counts = {"optima": len(plan.optima), "starts": plan.starts, "seconds": round(session.seconds, 3)}
-        ending = {"status": session.stopped_by or "optima", "counts": counts, **plan.provenance}
-        plan = replace(plan, provenance={**session.provenance, **ending})
+        ending = session.ended(session.stopped_by or "optima", optima=len(plan.optima), starts=plan.starts)
+        plan = replace(plan, provenance={**ending, **plan.provenance})
 
         def draw(folder: Path) -> None:
             from paretoik.review.pictures.motions import plan_picture  # here: matplotlib loads slowly
@@ -182,17 +184,13 @@ def _level_observer(session: Session, task: MotionTask, levels: list[PlannedLeve
 def _planned_level(number: int, level: LevelProgress) -> PlannedLevel:
     """Return a level for drawing."""
     (objective,), task = level.task.objectives, level.task
-    starts, ends, optima = (
-        np.asarray(objective(task.motion(q)), dtype=float) for q in (level.starts, level.ends, level.optima)
-    )
+    motions = level.starts, level.ends, level.optima
+    starts, ends, optima = (np.asarray(objective(task.motion(q)), dtype=float) for q in motions)
     nearest = np.full(len(level.ends), -1)  # index of the optimum that each start led to, −1 for none
     if len(level.optima):
         distance = np.stack([joint_distance(task, level.ends, optimum) for optimum in level.optima], axis=1)
         near = level.converged & (distance.min(axis=1) <= OPTIONS.distinct)
         nearest = np.where(near, distance.argmin(axis=1), -1)
-    motions = PlannedMotions(
-        time=np.array(task.times), starts=level.starts, ends=level.ends, optima=level.optima, optimum=nearest
-    )
     broken = None if level.feasible else LeastViolating(broken=limit_words(task, task.motion(level.optima[0])))
     return PlannedLevel(
         number=number,
@@ -200,24 +198,18 @@ def _planned_level(number: int, level: LevelProgress) -> PlannedLevel:
         starts=starts,
         ends=np.where(level.converged, ends, np.nan),
         optima=optima,
-        motions=motions,
+        motions=PlannedMotions(
+            time=np.array(task.times), starts=level.starts, ends=level.ends, optima=level.optima, optimum=nearest
+        ),
         least_violating=broken,
     )
 
 
 def _plan_end(plan: Plan) -> PlanEnd:
     """Return the optima for drawing."""
-    optima = [
-        PlannedOptimum(
-            point=RecordedPoint(
-                id=place,
-                objectives=np.array([optimum.objective]),
-                motion=record_motion(optimum.motion, curves=True),
-            ),
-            branch=optimum.label,
-            status=optimum.status,
-            violation_between=float(optimum.violation_between),
-        )
-        for place, optimum in enumerate(plan.optima)
-    ]
+    optima = []
+    for place, each in enumerate(plan.optima):
+        motion, between = record_motion(each.motion, curves=True), float(each.violation_between)
+        point = RecordedPoint(id=place, objectives=np.array([each.objective]), motion=motion)
+        optima.append(PlannedOptimum(point=point, branch=each.label, status=each.status, violation_between=between))
     return PlanEnd(optima=optima, provenance=dict(plan.provenance))

@@ -100,7 +100,17 @@ def refine(
     In the provenance of the result ``status`` says why refinement ended, ``counts`` how many points there were, how
     many converged and how many became better; ``parent`` is the front's provenance, with the folder of its ``run``.
     """
-    problem = _refinable(front, problem)
+    if not isinstance(front, Front):
+        raise InvalidInput(f"front must be a Front, got {shown(front)}")
+    problem = front.problem if problem is None else problem
+    if problem is None:
+        raise InvalidInput("front must come with its problem, got none; refine(front, problem) gives it")
+    if tuple(require_program("refine", problem).names) != tuple(front.names):
+        raise InvalidInput(f"problem must have the objectives {', '.join(front.names)}, got others")
+    stored = front.provenance.get("fingerprint")
+    if stored is not None:
+        check_fingerprint(problem, stored, wish="problem must be the one that the front solves")
+    problem = at_samples_of(problem, getattr(front.motions, "q", None))
     reference = front.provenance.get("problem") if reference is None else reference
     given = surroundings(locals())
     former = {**front.provenance, **({} if front.folder is None else {"run": str(front.folder)})}
@@ -143,10 +153,7 @@ def _record(
     front: Front,
     origins: Objectives | None = None,
 ) -> None:
-    """Record the front before refinement (0) or after it (1).
-
-    ``origins``: objectives of the refined points on the front before.
-    """
+    """Record the front before refinement (0) or after it (1); ``origins``: objectives of its points before."""
     if session.recorder is None:
         return
     marked = marked_rows(front.minimised, front.ids) if len(front) else ()  # best of every objective, compromise
@@ -163,34 +170,13 @@ def _record(
     )
 
 
-def _refinable(front: Front, problem: Any) -> Any:
-    """Return the problem of a front.
-
-    Raises InvalidInput if it has no gradients or is not the problem of the front.
-    """
-    if not isinstance(front, Front):
-        raise InvalidInput(f"front must be a Front, got {shown(front)}")
-    problem = front.problem if problem is None else problem
-    if problem is None:
-        raise InvalidInput("front must come with its problem, got none; refine(front, problem) gives it")
-    if tuple(require_program("refine", problem).names) != tuple(front.names):
-        raise InvalidInput(f"problem must have the objectives {', '.join(front.names)}, got others")
-    stored = front.provenance.get("fingerprint")
-    if stored is not None:
-        check_fingerprint(problem, stored, wish="problem must be the one that the front solves")
-    return at_samples_of(problem, getattr(front.motions, "q", None))
-
-
 # Refinement of a front, on more samples if a value is under-resolved (``on_more_samples``).
 
 
 def refine_front(
     front: Front, problem: Any, *, solver: Solver, observe: Observer | None, completion: Completion | None = None
 ) -> Front:
-    """Return a front refined and certified as by ``refine``.
-
-    ``completion``: adds points to the refined front, if given.
-    """
+    """Return a front refined and certified as by ``refine``; ``completion`` adds points to it, if given."""
     certifier = Certifier(formulation=problem, solver=solver, observe=observe)
     formulation, began = certifier.formulation, time.monotonic()
     x, ranges = formulation.front_points(front), ranges_of(front.minimised)

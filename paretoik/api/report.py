@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from paretoik.api.load import check_problem_argument, load_front, with_problem
+from paretoik.api.load import load_front, with_problem
 from paretoik.api.result import ENTRY, read_stored_motions
 from paretoik.api.result_text import gap_text, status_text
 from paretoik.errors import InvalidInput, InvalidRun
@@ -71,7 +71,6 @@ def report(
     certificates, exchange rates, choices, settings and versions, for a closed loop its steps. For a run without a
     feasible motion it says why, and shows the least-violating motion and what it violates.
     """
-    check_problem_argument(problem)
     infeasible: InfeasibleRun | None = None
     if not isinstance(front, Front):
         folder = file_path("front", front)
@@ -111,11 +110,7 @@ def report(
 
 
 class InfeasibleRun(NamedTuple):
-    """The result of a run that found nothing feasible.
-
-    It has the reason, the violated constraints, and a front with the least-violating point. The front is empty if no
-    motion is known.
-    """
+    """The reason of a run that found nothing feasible, the violated constraints, and the nearest point, if any."""
 
     reason: str
     broken: tuple[str, ...]
@@ -123,10 +118,7 @@ class InfeasibleRun(NamedTuple):
 
 
 def read_infeasible(folder: Path) -> InfeasibleRun | None:
-    """Return a run that found nothing feasible, None for other runs.
-
-    Raises InvalidRun if the run is damaged.
-    """
+    """Return a run that found nothing feasible, None for other runs; raises InvalidRun if it is damaged."""
     run = read_run(folder / RUN) if is_run(folder / RUN) else {}
     # A signal may have ended the run before its infeasibility was certain.
     if run.get("status") != "Infeasible" and (ENTRY not in run or "files" in run):
@@ -176,10 +168,7 @@ def _notes(front: Front) -> list[str]:
 
 
 def _steps(front: Front, folder: Path | None) -> Steps | None:
-    """Return the choices of a closed loop at every step.
-
-    None for other runs.
-    """
+    """Return the choices of a closed loop at every step, None for other runs."""
     if folder is None or not is_loop(front) or not (folder / STEPS).is_file():
         return None
     from pyarrow import ArrowException

@@ -154,10 +154,7 @@ def resolve(
 
 
 def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotion:
-    """Return the motion, saved and drawn.
-
-    If the path is lost, the motion up to the loss is recorded.
-    """
+    """Return the motion, saved and drawn. If the path is lost, the motion up to the loss is recorded."""
     task, cell = resolution.task, workcell_of(resolution)
     criteria = [each.objective.name for each in resolution.criteria]
     assert cell is not None
@@ -189,12 +186,19 @@ def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotio
     while first.q.ndim > 2:
         first = first[0]
     steps, count = Counter(motion.traces.status.ravel().tolist()), int(np.prod(motion.q.shape[:-2]))
-    counts = {"motions": count, "steps": dict(steps), "seconds": round(session.seconds, 3)}
-    largest = float(np.abs(motion.traces.errors).max())
-    provenance = {**session.provenance, "status": "resolved", "counts": counts, "largest_error": largest}
+    provenance = session.ended("resolved", motions=count, steps=dict(steps))
+    provenance["largest_error"] = float(np.abs(motion.traces.errors).max())
+    # In `traces.npz` every array of ``motion.traces`` has one row per motion, as in `motions.npz`.
+    shape = motion.q.shape[:-2]
+    traces = {each.name: np.asarray(getattr(motion.traces, each.name)) for each in fields(motion.traces)}
+    contents = {
+        MOTIONS: motion_bytes(motion.arm, motion.time.reshape(count, -1), motion.q.reshape(count, -1, task.arm.dof)),
+        TRACES: array_bytes({name: each.reshape(count, *each.shape[len(shape) :]) for name, each in traces.items()}),
+    }
+    entries = {**provenance, "holds": HOLDS, "batch": list(shape)}
     session.finish(
         motion,
-        partial(_save, motion, provenance),
+        partial(write_result, entries=entries, contents=contents),
         status=provenance["status"],
         end=lambda: end(motion, {"status": "resolved"}),
         draw=draw,
@@ -203,10 +207,7 @@ def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotio
 
 
 def _method_settings(method: Method) -> dict[str, Any]:
-    """Return a method's name and numbers.
-
-    A criterion is described by its objective and gain.
-    """
+    """Return a method's name and numbers. A criterion is described by its objective and gain."""
 
     def plain(value: Any) -> Any:
         return value if value is None or isinstance(value, bool | str) else np.asarray(value).tolist()
@@ -221,19 +222,3 @@ def _method_settings(method: Method) -> dict[str, Any]:
         elif value is None or isinstance(value, bool | str) or np.asarray(value).dtype.kind in "biuf":
             settings[each.name] = plain(value)
     return settings
-
-
-def _save(motion: ResolvedMotion, provenance: dict[str, Any], folder: FilePath) -> None:
-    """Write a motion, or a batch of motions, into a folder.
-
-    All files are written at once, or none. In `traces.npz` every array of ``motion.traces`` has one row per motion, as
-    in `motions.npz`.
-    """
-    shape = motion.q.shape[:-2]
-    count = int(np.prod(shape))
-    traces = {each.name: np.asarray(getattr(motion.traces, each.name)) for each in fields(motion.traces)}
-    files = {
-        MOTIONS: motion_bytes(motion.arm, motion.time.reshape(count, -1), motion.q.reshape(count, -1, motion.arm.dof)),
-        TRACES: array_bytes({name: each.reshape(count, *each.shape[len(shape) :]) for name, each in traces.items()}),
-    }
-    write_result(folder, {**provenance, "holds": HOLDS, "batch": list(shape)}, files)

@@ -94,10 +94,7 @@ def motion_bytes(arm: Arm, time: np.ndarray, q: np.ndarray) -> bytes:
 
 
 def read_stored_motions(file: Path, digest: object, ids: np.ndarray) -> StoredMotions:
-    """Return the motions of a file.
-
-    Raises InvalidRun unless the file has this digest and the motions have these ids.
-    """
+    """Return the motions of a file; raises InvalidRun unless it has this digest, and the motions these ids."""
     arrays = read_motions(file, read_verified(file, digest), ids)
     if "q" not in arrays:
         raise InvalidRun(f"{file} must contain motions, got none")
@@ -147,11 +144,7 @@ def holds_plan(folder: Path) -> bool:
 
 
 def read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], StoredMotions]:
-    """Return a plan's `run.json` entries, its columns of optima, and its motions.
-
-    Raises InvalidRun if a file is missing, damaged, a link, of another version or of another run, or if the run
-    contains no plan.
-    """
+    """Return a plan's `run.json` entries, its columns of optima, and its motions; raises InvalidRun if damaged."""
     with without_writers(folder):
         run = read_run(folder / RUN)
         if run.get("holds") != HOLDS:

@@ -61,46 +61,27 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
         f"{count} distinct {'optimum' if count == 1 else 'optima'} from {counts['starts']} starts in "
         f"{counts['seconds']:.1f} s{_stopped(status, 'optima')}"
     ]
-    rows = [
-        (
-            "optimum",
-            f"{name} [{unit}]" if unit else name,
-            "branch",
-            "status",
-            "limits between samples",
-            "off the curve by",
-        )
-    ]
+    named = f"{name} [{unit}]" if unit else name
+    rows = [("optimum", named, "branch", "status", "limits between samples", "off the curve by")]
     for rank, each in enumerate(plan.optima):
         kept = "kept" if each.violation_between <= 0 else f"violated by {each.violation_between:.1e} of a range"
         if math.isnan(each.violation_between):  # a stopped plan has no value
             kept = "unknown"
-        rows.append(
-            (
-                str(rank),
-                f"{each.objective:.6g}",
-                each.label,
-                each.status,
-                kept,
-                f"{each.discretisation_error:.1e}",
-            )
-        )
+        value, error = f"{each.objective:.6g}", f"{each.discretisation_error:.1e}"
+        rows.append((str(rank), value, each.label, each.status, kept, error))
     lines.append(columns(rows))
     lines += filter(None, [confirmation_text(plan.provenance)])
     if (out / DRAWING).exists():  # a stopped run has no picture
         lines.append(f"pictured in {out / DRAWING}")
     if (command := resume_command(out, status)) is not None:
         lines.append(f"go on:   {command}")
-    named = problem_words(plan.provenance.get("problem"))
-    lines.append(f"export:  {shell_command('paretoik', 'export', out, '--point', '0', *named)}")
+    words = problem_words(plan.provenance.get("problem"))
+    lines.append(f"export:  {shell_command('paretoik', 'export', out, '--point', '0', *words)}")
     return "\n".join(lines)
 
 
 def resume_command(folder: Path, status: object = "interrupted") -> str | None:
-    """Return the command that resumes a run, None if that is impossible.
-
-    ``status``: status of the run.
-    """
+    """Return the command that resumes a run of this status, None if that is impossible."""
     if status not in STOPPED or not can_resume(folder):
         return None
     return shell_command("paretoik", "resume", folder, *problem_words(read_run(folder / RUN).get("problem")))
@@ -108,16 +89,9 @@ def resume_command(folder: Path, status: object = "interrupted") -> str | None:
 
 def optima_entries(plan: Plan) -> list[dict[str, Any]]:
     """Return the optima of a plan as data, best first."""
+    names = ("status", "violation_between", "criticality", "discretisation_error")
     return [
-        {
-            "id": rank,
-            "objective": each.objective,
-            "branch": each.label,
-            "status": each.status,
-            "violation_between": each.violation_between,
-            "criticality": each.criticality,
-            "discretisation_error": each.discretisation_error,
-        }
+        {"id": rank, "objective": each.objective, "branch": each.label} | {name: getattr(each, name) for name in names}
         for rank, each in enumerate(plan.optima)
     ]
 
@@ -134,10 +108,7 @@ LINE = 100  # characters per line of running text
 
 
 def result_text(front: Front, out: Path) -> str:
-    """Return a summary of a result, and the commands to continue with.
-
-    The commands resume the run, choose a point and replay it.
-    """
+    """Return a summary of a result, and the commands that resume the run, choose a point and replay it."""
     lines = _loop_lines(front) if is_loop(front) else _front_lines(front)
     if (command := resume_command(out, front.provenance["status"])) is not None:
         lines.append(f"go on:   {command}")
@@ -200,26 +171,15 @@ def choice_text(front: Front, choice: Choice) -> str:
 
 def choice_entry(front: Front, choice: Choice) -> dict[str, Any]:
     """Return a chosen point as data: its entry, reason and facts."""
-    return {
-        **entries(front)[choice.index],
-        "reason": choice.reason,
-        "verdict": choice.verdict,
-        "preference": None if choice.preference is None else preference_data(choice.preference),
-        "score": choice.score,
-        "details": choice.details,
-        "shares": dict(zip(front.names, choice.shares, strict=True)),
-        "ends": [asdict(each) for each in choice.ends],
-        "neighbours": [asdict(each) for each in choice.neighbours],
-        "rates": [asdict(each) for each in choice.rates],
-        "jumps": choice.jumps,
-    }
+    facts = {name: getattr(choice, name) for name in ("reason", "verdict", "score", "details", "jumps")}
+    lists = {name: [asdict(each) for each in getattr(choice, name)] for name in ("ends", "neighbours", "rates")}
+    preference = None if choice.preference is None else preference_data(choice.preference)
+    shares = dict(zip(front.names, choice.shares, strict=True))
+    return entries(front)[choice.index] | facts | {"preference": preference, "shares": shares} | lists
 
 
 def gap_text(front: Front) -> str:
-    """Return the jumps of a front of two objectives, "" if unknown.
-
-    The text also has the hypervolume that more points could add.
-    """
+    """Return a front's jumps, and the hypervolume that more points could add; "" if unknown."""
     lines = []
     if front.jumps:
         pairs = ", ".join(f"{one} and {other}" for one, other in front.jumps)

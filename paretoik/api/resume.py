@@ -12,7 +12,7 @@ import numpy as np
 
 from paretoik.api.epsilon_front import epsilon_front
 from paretoik.api.initial import INITIAL
-from paretoik.api.load import check_problem_argument, how_to_name, named_problem
+from paretoik.api.load import how_to_name, named_problem
 from paretoik.api.plan import plan
 from paretoik.api.refine import refine
 from paretoik.api.session import SOURCE, StoppedRun
@@ -100,7 +100,6 @@ def resume(
     check_flag("live", live)
     check_count("generations", generations)
     check_algorithm(algorithm)
-    check_problem_argument(problem)
     check_time_limit(time_limit)
     check_workers(workers, cluster)
     if not isinstance(observe, bool):
@@ -140,10 +139,7 @@ def resume(
 
 
 def _read_resumable(folder: Path, generations: int | None) -> dict[str, Any]:
-    """Return the entries of a resumable run.
-
-    Raises InvalidRun if the folder has no run, InvalidInput if the run cannot be resumed.
-    """
+    """Return the entries of a resumable run; raises InvalidRun or InvalidInput for other folders."""
     run = read_run(folder / RUN)
     check_digest(folder / RUN, run)
     verb, status, checkpoint = run.get("verb"), run.get("status"), folder / CHECKPOINT

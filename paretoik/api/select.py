@@ -87,12 +87,10 @@ def select(
 
 
 def undo(run: Path, problem: str | None = None) -> Choices:
-    """Restore the previous choice of a run; return the choices.
+    """Restore the previous choice of a run, in its recording too; return the choices.
 
-    The recording shows the restored choice.
-
-    ``problem`` is as for ``load_front``. If the front of a run cannot be loaded, its recording stays, with a warning.
-    Raises InvalidInput if there is no choice to go back from.
+    ``problem`` is as for ``load_front``. If the front cannot be loaded, the recording stays, with a warning. Raises
+    InvalidInput if there is no choice to go back from.
     """
     choices = go_back(run)
     if (run / RECORDING).exists():

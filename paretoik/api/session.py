@@ -20,7 +20,7 @@ from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
 from paretoik.front.preferences.compromise import compromise
 from paretoik.front.storage import front_files
-from paretoik.inputs import cause_of, check_flag, check_size, check_text, file_path, positive_number
+from paretoik.inputs import cause_of, check_flag, check_size, check_text, file_path
 from paretoik.nlp.program import Solver, check_solver_name
 from paretoik.progress import NamedObserver, Observer, RunProgress, is_due, open_observer
 from paretoik.review.recording.messages import LeastViolating, PlanEnd, PlannedScene, workcell_of
@@ -52,10 +52,7 @@ from paretoik.stop_flag import STOP, Interrupted
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolveSettings:
-    """The arguments of ``solve`` that define the computation.
-
-    None means the problem's size or the default size.
-    """
+    """The arguments of ``solve`` that define the computation; None means the problem's size or the default size."""
 
     population: int | None = None
     generations: int | None = None
@@ -82,28 +79,6 @@ class SolveSettings:
         check_flag("stagnation", self.stagnation)
         check_flag("refine", self.refine)
         check_solver_name(self.solver)
-        check_workers(self.workers, self.cluster)
-        if self.evaluation_timeout is not None:
-            positive_number("evaluation_timeout", self.evaluation_timeout, "s")
-
-
-@dataclass(frozen=True, kw_only=True)
-class SearchDefaults:
-    """Default sizes of a search.
-
-    population: number of individuals
-    generations: most generations
-    seed: seed of all random numbers
-    search_time: share of the time limit for the search if the front is refined too
-    """
-
-    population: int = 200
-    generations: int = 500
-    seed: int = 0
-    search_time: float = 0.5
-
-
-DEFAULTS = SearchDefaults()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -164,9 +139,7 @@ def surroundings(arguments: Mapping[str, Any]) -> dict[str, Any]:
 def open_verb(
     observe: Observer | bool | None, *, time_limit: float | None = None, catch_signals: bool = True
 ) -> Iterator[tuple[Observer | None, Interruption]]:
-    """Yield a verb's observer and the signal that may end it.
-
-    The body computes with one BLAS thread.
+    """Yield a verb's observer and the signal that may end it; compute with one BLAS thread.
 
     If the body raises Interrupted, a signal came before there was a result: this raises KeyboardInterrupt after Ctrl-C,
     SystemExit(143) after SIGTERM. Without ``catch_signals`` they end the body as without a verb. Raises InvalidInput
@@ -186,10 +159,9 @@ def open_verb(
 
 @contextmanager
 def computing(seconds: float | None, session: Session | None = None) -> Iterator[None]:
-    """Limit the computing time of the body to ``seconds``.
+    """Limit the body's computing time [s]; then it is asked to return its results so far, as after a signal.
 
-    After this time the body is asked to return its results so far, as after a signal. Raises InvalidInput for an
-    invalid time, SolverFailed if the body has no result by then.
+    Raises InvalidInput for an invalid time, SolverFailed if the body has no result by then.
     """
     with time_limit(seconds) as limit:
         if session is not None:
@@ -213,6 +185,7 @@ def computing(seconds: float | None, session: Session | None = None) -> Iterator
 
 SOURCE = (CHECKPOINT, "source")  # nested folders in the folder of a run
 RESERVE = Path(CHECKPOINT, "reserve")
+PARTIAL = "the error's .partial"
 
 
 class StoppedRun(PosixPath):
@@ -275,6 +248,10 @@ class Session:
     def provenance(self) -> dict[str, Any]:
         """Entries of the run, with its entry "computed" so far."""
         return {**self.entries, "computed": computed(self.former)}
+
+    def ended(self, status: str, **counts: object) -> dict[str, Any]:
+        """Return the entries of the run with its status, its counts and their seconds."""
+        return {**self.provenance, "status": status, "counts": {**counts, "seconds": round(self.seconds, 3)}}
 
     # Progress and recording.
 
@@ -343,15 +320,12 @@ class Session:
         self.draft = front
 
     def keep_found(self, front: Front, error: Exception) -> None:
-        """Save the front found before an error; attach it as ``error.partial``.
-
-        A note of the error names the folder.
-        """
+        """Save the front found before an error, and attach it as ``error.partial``; a note names the folder."""
         error.partial = front  # type: ignore[attr-defined]
-        place = "the error's .partial"
+        place: Path | str = PARTIAL
         with suppress(OSError, InvalidInput):  # the disk may be full
             self.save_draft(front)
-            place = place if self.folder is None else str(self.folder)
+            place = self.folder or PARTIAL
         error.add_note(f"the front found by then, of {len(front)} points, is in {place}")
 
     def finish(
@@ -387,10 +361,7 @@ class Session:
                     draw(self.folder)
 
     def finish_front(self, front: Front, record: Callable[[], object] = bool) -> None:
-        """Save and draw the final front, and complete the recording.
-
-        ``record()`` adds the front to the recording, which ends with the compromise.
-        """
+        """Save and draw the final front; ``record()`` adds it to the recording, which ends with the compromise."""
 
         def end() -> SearchEnd | None:
             record()
@@ -407,25 +378,19 @@ class Session:
         save, status = partial(front.save, overwrite=True), front.provenance.get("status")
         self.finish(front, save, status=status, end=end, draw=draw)
 
-    def raise_observer_fault(self) -> None:
-        """Raise the observer's error, if any, with the saved result attached."""
-        fault = self.observer_fault
-        if fault is None:
+    def complete_observer_fault(self) -> None:
+        """Attach the saved result to the observer's error, if any, which ends the verb."""
+        fault, result = self.observer_fault, self.result
+        if fault is None or result is None or fault.partial is not None:
             return
-        if self.result is not None and fault.partial is None:
-            fault.partial = self.result
-            found = "result found by then"
-            if isinstance(self.result, Front):
-                found = f"front found by then, of {len(self.result)} points,"
-            place = "the error's .partial" if self.folder is None else self.folder
-            fault.add_note(f"the {found} is in {place}")
-        raise fault
+        fault.partial = result
+        found = (
+            f"front found by then, of {len(result)} points," if isinstance(result, Front) else "result found by then"
+        )
+        fault.add_note(f"the {found} is in {self.folder or PARTIAL}")
 
     def fail(self, error: BaseException) -> None:
-        """Save the reason of a failure.
-
-        The draft of the front or the least-violating motion is saved too, if there is one.
-        """
+        """Save the reason of a failure, with the draft of the front or the least-violating motion, if any."""
         if self.result is not None:
             return
         entries, files = self._finish_infeasible(error)
@@ -461,15 +426,9 @@ class Session:
                 self.finish_recording(PlanEnd(least_violating=nearest))
             else:
                 if scene.timeline == "level" and nearest.point is not None:
-                    values = nearest.point.objectives
-                    level = Generation(
-                        number=0,
-                        population=values[None],
-                        front=np.empty((0, len(values))),
-                        front_ids=np.empty(0, dtype=int),
-                        least_violating=nearest,
-                    )
-                    self.record(level)
+                    values, none = nearest.point.objectives[None], np.empty(0, dtype=int)
+                    level = Generation(number=0, population=values, front=values[none], front_ids=none)
+                    self.record(replace(level, least_violating=nearest))
                 self.finish_recording(SearchEnd(front=None, least_violating=nearest))
         return infeasible_entries(scene, nearest, failure.motion)
 
@@ -518,28 +477,19 @@ def open_session(request: RunRequest) -> Iterator[Session]:
             elif stored:  # if this process is killed, the results are in the journal
                 write_run(folder, {**stored, **{name: session.provenance[name] for name in ("settings", "computed")}})
             if request.source is not None and not stored:
-                _save_source(request.source, folder)  # saved first, since a run with a journal can be resumed
+                # The front that a stopped run starts from is saved first, since a run with a journal can be resumed.
+                front, source = request.source, folder.joinpath(*SOURCE)
+                run = {} if front.folder is None else {"run": str(front.folder)}
+                with only_writer(source):
+                    replace_files(source, front_files(replace(front, provenance={**front.provenance, **run})))
             if request.resumable:
                 stack.enter_context(journalled(folder / CHECKPOINT / JOURNAL))
         try:
             yield session
-            session.raise_observer_fault()
         except (Exception, KeyboardInterrupt) as error:  # includes Interrupted
             session.fail(session.observer_fault or error)
-            session.raise_observer_fault()
             raise
         finally:
+            session.complete_observer_fault()
             if session.recorder is not None:
                 session.recorder.close()
-
-
-def _save_source(front: Front, folder: Path) -> None:
-    """Save the front that a run starts from, and its folder.
-
-    A stopped run is resumed from them.
-    """
-    run = {} if front.folder is None else {"run": str(front.folder)}
-    files = front_files(replace(front, provenance={**front.provenance, **run}))
-    source = folder.joinpath(*SOURCE)
-    with only_writer(source):
-        replace_files(source, files)

@@ -2,20 +2,44 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import asdict, dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from paretoik.api.follow_loop import LoopRun
-from paretoik.api.search_front import FrontSearch
-from paretoik.api.session import RunRequest, SolveSettings, open_session, surroundings
+from paretoik.api.initial import genes_and_points, remembered_initial
+from paretoik.api.refine import refine_front
+from paretoik.api.session import RunRequest, Session, SolveSettings, computing, open_session, surroundings
 from paretoik.arrays import Genes
-from paretoik.formulations.protocol import timeline
+from paretoik.compilation_notices import computing_clock
+from paretoik.errors import Infeasible, InvalidInput, SolverFailed
+from paretoik.formulations.control_step import read_steps
+from paretoik.formulations.protocol import ProblemParts, explain_violation, require_program, timeline, violation_words
 from paretoik.front.front import Front
+from paretoik.front.hypervolume import HypervolumeCurve
+from paretoik.front.preferences.compromise import marked_rows
+from paretoik.inputs import check_size, real_array, shown
+from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
-from paretoik.progress import Observer
+from paretoik.pareto.refine import SearchImprover
+from paretoik.pareto.refined_front import Completion, merge_front
+from paretoik.progress import Observer, RunProgress, is_due
+from paretoik.review.recording.messages import LeastViolating, RecordedPoint, record_motion
+from paretoik.review.recording.recorder import Generation
+from paretoik.runs.files import STOPPED
+from paretoik.runs.interruption import TimeLimit as CallTimeLimit
 from paretoik.runs.interruption import limited_evaluations
+from paretoik.search.ask_tell import Search
+from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
+from paretoik.search.evolution import evolve
+from paretoik.search.genes import check_sizes
+from paretoik.search.islands import Islands
+from paretoik.stop_flag import Interrupted
 from paretoik.task.motion import Motion
 
 
@@ -161,3 +185,298 @@ def solve(
     )
     with limited_evaluations(evaluation_timeout), open_session(request) as session:
         return run.run(session)
+
+
+# The evolutionary search for a front.
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchDefaults:
+    """Default sizes of a search: ``population``, most ``generations``, ``seed`` of all random numbers."""
+
+    population: int = 200
+    generations: int = 500
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchOptions:
+    """Shares of a search's time, and sizes of the motions that its recording decodes.
+
+    search_time: share of the time limit for the search if the front is refined too
+    share: largest share of the run's time for decoding motions
+    dense: number of motions decoded one generation after another, then as many every second, every fourth, ...
+    samples: most samples of a motion
+    """
+
+    search_time: float = 0.5
+    share: float = 0.01
+    dense: int = 60
+    samples: int = 401
+
+
+DEFAULTS, OPTIONS = SearchDefaults(), SearchOptions()
+NOT_STORED = ("record_steps", "workers", "cluster")  # settings that are not in `run.json`
+
+
+class FrontSearch:
+    """The search for the front of a pymoo problem; raises InvalidInput for ``settings`` before any computation."""
+
+    def __init__(self, problem: Any, settings: SolveSettings) -> None:
+        check_sizes(problem)
+        if read_steps(settings.record_steps):
+            raise InvalidInput(
+                f"record_steps must come with a ClosedLoop, whose steps are searches, got {type(problem).__name__}"
+            )
+        if settings.refine:
+            with computing(settings.time_limit):  # users' functions are traced
+                check_solver(require_program("refine", problem).program(), settings.solver)
+        elif settings.solver != "auto":
+            raise InvalidInput(f"solver must come with refine=True, got {shown(settings.solver)} without it")
+        missing = {name: size for name, size in asdict(DEFAULTS).items() if getattr(settings, name) is None}
+        given: Any = replace(settings, **missing)
+        check_size("generations", given.generations, 1)
+        if given.points is not None:
+            check_size("points", given.points, 1)
+        if given.anchors is None:  # with branches the objectives alone share half of all generations
+            branches = given.algorithm is None and problem.n_obj > 1 and hasattr(problem, "species")
+            given = replace(given, anchors=given.generations // (2 * problem.n_obj) if branches else 0)
+        self.problem, self._given = problem, given
+        self._initial = genes_and_points(problem, given.initial)
+        search = Search if given.islands == 1 else partial(Islands, islands=given.islands)
+        self.search: Search | Islands = search(
+            problem,
+            population=given.population,
+            seed=given.seed,
+            algorithm=given.algorithm,
+            initial=self._initial["genes"],
+            anchors=given.anchors,
+        )
+        self.improver = SearchImprover(self.search, problem, given.solver) if given.refine else None
+        self.endings = _endings(self.search, given)
+        self._motions, self._hypervolume = GenerationMotions(self.search), HypervolumeCurve()
+        target = given.target  # an infinite number is text in strict JSON
+        stored = {
+            "initial": given.initial is not None,
+            "algorithm": None if given.algorithm is None else type(given.algorithm).__name__,
+            "target": None if target is None else [float(each) if np.isfinite(each) else str(each) for each in target],
+        }
+        names = [each.name for each in fields(given) if each.name not in NOT_STORED]
+        self.settings = {name: getattr(given, name) for name in names} | stored
+
+    def run(self, session: Session) -> Front:
+        """Return the saved and drawn front, refined unless a signal came."""
+        session.continues, started, given = True, computing_clock(), self._given
+        front = self._evolve(session)
+        status = front.provenance["status"]
+        if given.refine and (status == "time limit" or status not in STOPPED):
+            session.save_draft(front)  # refinement takes a while, and the search must not be lost
+            completion = Completion(
+                points=len(front) if given.points is None else given.points,
+                seed=self.settings["seed"],
+                first_id=max(self.search.evaluations, int(front.ids.max()) + 1),
+            )
+            spent = computing_clock() - started
+            remaining = None if given.time_limit is None else max(given.time_limit - spent, 1e-3)
+            with computing(remaining, session):
+                front = refine_front(
+                    front, front.problem, solver=given.solver, observe=session.show, completion=completion
+                )
+            ending = session.ended(session.stopped_by or status, **front.provenance["counts"])
+            front = replace(front, provenance={**front.provenance, **ending})
+        session.finish_front(front)
+        return front
+
+    def _evolve(self, session: Session) -> Front:
+        """Return the front of the search, not refined."""
+        search = self.search
+        hopeless = _SignalOrHopeless(session, self.problem, looks=self._initial["genes"] is None)
+        remembered_initial(**self._initial)
+        session.record_search(search, "generation")
+        endings = [*self.endings, hopeless]
+        seconds = min((each.seconds for each in endings if isinstance(each, TimeLimit)), default=None)
+        limit = CallTimeLimit(seconds=seconds)
+        try:
+            with limit.limiting_calls():
+                status = evolve(
+                    search,
+                    endings,
+                    seconds=self._given.evaluation_timeout,
+                    observe=partial(self._show, session),
+                    improve=self.improver,
+                )
+        except Exception as error:  # a user's function or observer may fail after many generations
+            if len(search.archive.F):
+                session.keep_found(self._front(session, type(error).__name__), error)
+            raise
+        if limit.late:
+            status = "time limit"
+            if not search.generation:
+                text = f"nothing was found within {limit.seconds:g} s; {limit.late} took longer than that"
+                raise SolverFailed(f"time_limit: {text}")
+        front = self._front(session, session.signal or status)
+        if len(front):
+            return front
+        failure = hopeless.failure
+        if failure is None:
+            failure, session.nearest = infeasible_search(search)
+        if session.signal is None:
+            raise failure
+        raise Interrupted from failure
+
+    def _front(self, session: Session, status: str) -> Front:
+        """Return the front of the search so far."""
+        search = self.search
+        front, given = search.front_of(self._given.points), self._initial["points"]
+        if given is not None:
+            front = merge_front(front, require_program("solve", self.problem), given, search.evaluations)
+        counts = {
+            "generations": search.generation,
+            "evaluations": search.evaluations,
+            "iterations": 0 if self.improver is None else self.improver.spent,
+            "failed": search.failed.count,
+            "first_cause": search.failed.first_cause,
+        }
+        return replace(front, problem=search.problem, provenance=session.ended(status, **counts))
+
+    def _show(self, session: Session, progress: Progress) -> None:
+        """Show a generation, with objectives in the user's own sign."""
+        if not session.is_watched:
+            return
+        signs, front, failed = np.where(self.search.maximised, -1.0, 1.0), progress.front, progress.failed.count
+        number, curve = progress.generation, self._hypervolume
+        corner = curve.corner(front)
+        volume = curve.measure(front, number) if is_due(session.observe) else None  # a recording computes its own
+        nearest = None if session.recorder is None else self.search.archive.least_violating
+        broken = None if nearest is None else violation_words(self.search.problem, nearest.G[0])
+        generation = Generation(
+            number=number,
+            population=progress.population[np.isfinite(progress.population).all(axis=1)] * signs,
+            front=front * signs,
+            front_ids=progress.ids,
+            hypervolume=volume,
+            reference=None if corner is None else corner * signs,
+            failed=failed,
+            least_violating=None if broken is None else LeastViolating(broken=broken),
+            points=() if session.recorder is None else self._motions.points(progress),
+        )
+        shown = RunProgress(
+            stage="generation",
+            done=number,
+            total=self._given.generations,
+            seconds=progress.seconds,
+            summary=f"front {len(front)}, {curve.summary(number)}" + (f", {failed} failed" if failed else ""),
+            generation=generation,
+            then="refinement" if self._given.refine else "",
+        )
+        session.show(shown)
+
+
+class _SignalOrHopeless:
+    """Ends a search after a signal, or if its limits cannot be satisfied, as ``failure`` says.
+
+    Limits are checked once, after the first generation, if ``looks`` is True and the front is empty.
+    """
+
+    memory = 0
+
+    def __init__(self, session: Session, problem: Any, *, looks: bool) -> None:
+        self.failure: Infeasible | None = None
+        self._session, self._problem, self._looks = session, problem, looks
+
+    def reached(self, progress: Progress) -> str | None:
+        """Return the name of the signal, "infeasible", or None."""
+        if self._session.signal is not None or not self._looks or len(progress.front):
+            return self._session.signal
+        self._looks = False
+        try:
+            ProblemParts(self._problem).require_feasible()
+        except Infeasible as failure:
+            self.failure = failure
+            return "infeasible"
+        return None
+
+
+def infeasible_search(search: Search | Islands) -> tuple[Infeasible, LeastViolating]:
+    """Return the error of an infeasible search and its least-violating point, as a recording shows it at its end."""
+    nearest = search.archive.least_violating
+    if nearest is None:
+        failure = Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
+        return failure, LeastViolating(broken=(), reason=str(failure))
+    limit, reason = explain_violation(search.problem, nearest.X, nearest.G[0])
+    motions = ProblemParts(search.problem).decode(nearest.X)
+    failure = Infeasible(
+        f"no motion within the limits in {search.evaluations} evaluations; of the least-violating one, {reason}",
+        motion=None if motions is None else motions[0],
+        limit=limit,
+        violation=float(nearest.G.max()),
+    )
+    objectives = nearest.F[0] * np.where(search.maximised, -1.0, 1.0)
+    motion = record_motion(failure.motion, curves=True)
+    point = RecordedPoint(id=int(nearest.ids[0]), objectives=objectives, motion=motion)
+    return failure, LeastViolating(
+        broken=violation_words(search.problem, nearest.G[0]), reason=str(failure), point=point
+    )
+
+
+def _endings(search: Search | Islands, settings: Any) -> list[Ending]:
+    endings: list[Ending] = [Generations(settings.generations)]
+    if settings.time_limit is not None:
+        limit = TimeLimit(settings.time_limit)
+        endings.append(replace(limit, seconds=OPTIONS.search_time * limit.seconds) if settings.refine else limit)
+    if settings.evaluations is not None:
+        endings.append(Evaluations(settings.evaluations))
+    if settings.target is not None:
+        values = real_array("target", settings.target)
+        if values.shape != (len(search.names),):
+            raise InvalidInput(
+                f"target must be {len(search.names)} numbers, one per objective, got {shown(settings.target)}"
+            )
+        endings.append(Target(tuple(np.where(search.maximised, -values, values).tolist())))
+    if settings.stagnation:
+        endings.append(Stagnation(since=settings.anchors * search.problem.n_obj))
+    return endings
+
+
+# The points of each generation that a recording marks, and their motions if there is time.
+
+
+class GenerationMotions:
+    """Finds the best point per objective and the compromise of a generation."""
+
+    def __init__(self, search: Search | Islands) -> None:
+        self._search = search
+        self._shown: list[int] = []  # ids whose motions were decoded last
+        self._decoded = 0
+        self._next = 0
+        self._spent, self._started = 0.0, time.monotonic()
+        self._moves = True
+
+    def points(self, progress: Progress) -> tuple[RecordedPoint, ...]:
+        """Return these points, with motions if they changed and time allows."""
+        if not len(progress.front):
+            return ()
+        marked = marked_rows(progress.front, progress.ids)
+        signs = np.where(self._search.maximised, -1.0, 1.0)
+        points = tuple(
+            RecordedPoint(id=int(progress.ids[row]), objectives=progress.front[row] * signs, axis=axis)
+            for row, axis in marked
+        )
+        ids, started = [point.id for point in points], time.monotonic()
+        has_time = self._spent <= OPTIONS.share * (started - self._started)
+        if not self._moves or ids == self._shown or progress.generation < self._next or not has_time:
+            return points
+        members = self._search.archive.members
+        assert members is not None
+        unique, place = np.unique([row for row, _ in marked], return_inverse=True)
+        motions = ProblemParts(self._search.problem).decode(members.X[unique])
+        self._moves = motions is not None
+        if motions is not None:
+            points = tuple(
+                replace(point, motion=record_motion(motions[int(i)], curves=False, samples=OPTIONS.samples))
+                for point, i in zip(points, place, strict=True)
+            )
+        self._spent += time.monotonic() - started
+        self._shown, self._decoded = ids, self._decoded + 1
+        self._next = progress.generation + 2 ** (self._decoded // OPTIONS.dense)
+        return points

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from paretoik.api.load import check_problem_argument, how_to_name, named_problem
+from paretoik.api.load import how_to_name, named_problem
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import at_samples_of
 from paretoik.inputs import file_path
@@ -46,7 +46,6 @@ def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool 
     code that made the run.
     """
     path, reason, same = file_path("folder", folder), "", None
-    check_problem_argument(problem)
     from paretoik.verification.arm_model import import_pinocchio
     from paretoik.verification.run_contents import read_contents
     from paretoik.verification.verify_run import verify_run

@@ -23,16 +23,10 @@ USAGE_ERRORS: Any = typer.BadParameter.__base__  # base of all errors of the par
 
 
 class Commands(TyperGroup):
-    """The sub-commands.
-
-    Wrong arguments are reported in one line, and a signal before there is a result too.
-    """
+    """The sub-commands. Wrong arguments are reported in one line, and a signal before there is a result too."""
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
-        """Return the context of a command line.
-
-        Raises InvalidInput for wrong arguments.
-        """
+        """Return the context of a command line. Raises InvalidInput for wrong arguments."""
         with _one_line():
             return super().make_context(info_name, args, parent, **extra)
 

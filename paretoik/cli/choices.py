@@ -143,10 +143,7 @@ def select(
 
 
 def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, problem: str | None, as_json: bool) -> None:
-    """Print the choices of a run, after one step back if ``undo``.
-
-    Raises InvalidInput if a preference is given too.
-    """
+    """Print the choices of a run, after one step back if ``undo``. Raises InvalidInput if a preference is given too."""
     if wishes:
         raise InvalidInput(f"--history and --undo must come without a preference, got --{next(iter(wishes))} too")
     read_run(run / RUN)
@@ -259,10 +256,7 @@ def parse_bounds(text: str) -> dict[str, tuple[float | None, float | None]]:
 
 
 def parse_classes(text: str, start: int | None, run: Path) -> Classify:
-    """Return a preference with the class of every objective.
-
-    It starts from the point ``start``, or by default from the run's present choice.
-    """
+    """Return a preference with the class of every objective, from ``start`` or else the run's present choice."""
     lists: dict[str, list[str]] = {"improve": [], "keep": [], "free": []}
     values: dict[str, dict[str, float]] = {"improve": {}, "relax": {}}
     for name, kind in _parts("classify", text, "NAME=CLASS,NAME=CLASS"):

@@ -78,10 +78,7 @@ class _LenientFile(FileIO):
 
 
 def _lenient(stream: Any, original: Any, descriptor: int) -> Any:
-    """Return a stream that never raises, in place of stdout or stderr.
-
-    Other streams, which are not the ``original`` one, are returned unchanged.
-    """
+    """Return a stream that never raises, for the ``original`` stdout or stderr; others are returned unchanged."""
     if stream is None:
         return Path(os.devnull).open("w", encoding="utf-8")  # for the rest of the process
     if stream is not original or not isinstance(stream, TextIOWrapper):
@@ -93,10 +90,7 @@ def _lenient(stream: Any, original: Any, descriptor: int) -> Any:
 
 
 def _check_written(stream: Any) -> None:
-    """Flush a stream.
-
-    Raises InvalidInput if a part was not written, unless the reader has left.
-    """
+    """Flush a stream. Raises InvalidInput if a part was not written, unless the reader has left."""
     file = getattr(getattr(stream, "buffer", None), "raw", None)
     if not isinstance(file, _LenientFile):
         return
@@ -130,11 +124,7 @@ def exit_code(status: object) -> int:
 
 @contextmanager
 def stdout_for_results() -> Iterator[None]:
-    """Send what the body prints on stdout to stderr.
-
-    Users' functions, and the programs that they start, may print. Programs and libraries write to the stdout of the
-    process, not to Python's.
-    """
+    """Send to stderr what users' functions, and the programs that they start, print on stdout in the body."""
     print(end="", flush=True)
     stdout = os.dup(STDOUT)
     os.dup2(STDERR, STDOUT)
@@ -150,10 +140,9 @@ def stdout_for_results() -> Iterator[None]:
 def running(
     out: Path | None = None, *, quiet: bool, time_limit: float | None = None
 ) -> Iterator[Observer | Literal[False]]:
-    """Yield the observer of a verb; reserve stdout for the result.
+    """Yield the observer of a verb, which the body runs; reserve stdout for the result.
 
-    The body runs the verb. If a signal or the time limit ends it without a result, the error gets a note with the
-    command that resumes the run in ``out``.
+    If a signal or the time limit ends it without a result, the error gets a note with the command that resumes the run.
     """
     with stdout_for_results(), open_observer(not quiet, time_limit=time_limit) as observe:
         try:
@@ -174,10 +163,7 @@ def print_json(value: object) -> None:
 
 
 def finish_front(front: Front, out: Path, *, as_json: bool) -> NoReturn:
-    """Print the front of a run, and exit with its exit code.
-
-    The output is text or JSON; the exit code says what ended the run.
-    """
+    """Print the front of a run as text or JSON, and exit with the code of what ended the run."""
     from paretoik.api.result_text import entries, result_text, resume_command
 
     if as_json:
@@ -190,10 +176,7 @@ def finish_front(front: Front, out: Path, *, as_json: bool) -> NoReturn:
 
 
 def finish_plan(plan: Plan, name: str, unit: str, out: Path, *, as_json: bool) -> NoReturn:
-    """Print the plan of an objective, and exit with its exit code.
-
-    The output is text or JSON; the exit code says what ended the run.
-    """
+    """Print the plan of an objective as text or JSON, and exit with the code of what ended the run."""
     from paretoik.api.result_text import optima_entries, plan_text, resume_command
 
     if as_json:
@@ -205,10 +188,7 @@ def finish_plan(plan: Plan, name: str, unit: str, out: Path, *, as_json: bool) -
 
 
 def print_text(text: object) -> None:
-    """Print a result on stdout, without control characters.
-
-    Names may come from a file of unknown origin.
-    """
+    """Print a result on stdout, without control characters. Names may come from a file of unknown origin."""
     print("\n".join(map(_plain, str(text).split("\n"))))
 
 
@@ -225,10 +205,7 @@ def print_error(text: str, error: BaseException) -> None:
 
 
 def has_agreed(question: str) -> bool:
-    """Ask on the terminal; return whether the answer is yes.
-
-    False without a terminal.
-    """
+    """Ask on the terminal; return whether the answer is yes, False without a terminal."""
     if not all(getattr(stream, "isatty", bool)() for stream in (sys.stdin, sys.stderr)):
         return False
     print(f"{_one_line(question)} [y/N] ", end="", file=sys.stderr, flush=True)

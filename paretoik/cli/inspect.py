@@ -54,7 +54,7 @@ def list_problems(
     as_json: JsonFlag = False,
 ) -> None:
     """List the problems that files offer."""
-    from paretoik.loading import problems_in, unannotated_in
+    from paretoik.loading import problems_in
 
     places = dict.fromkeys(files or sorted(str(file) for file in Path("problems").glob("[!_]*.py")))
     if not places:
@@ -65,8 +65,8 @@ def list_problems(
     for place in places:
         try:
             with stdout_for_results():
-                rows += [(f"{place}:{name}", about) for name, about in problems_in(place).items()]
-                silent[place] = unannotated_in(place)
+                offered, silent[place] = problems_in(place)
+                rows += [(f"{place}:{name}", about) for name, about in offered.items()]
         except ParetoikError as fault:
             errors.append(fault)
     if as_json:

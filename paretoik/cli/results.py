@@ -74,10 +74,7 @@ def show(
 def _with_choice(
     run: Path, recording: Path, file: Path, point: int | None, compare: int | None, problem: str | None
 ) -> Path:
-    """Return a recording that opens on a point.
-
-    If no point is given or chosen, this is the run's own recording; else it is written to ``file``.
-    """
+    """Return a recording that opens on a point: written to ``file``, or without a point the run's own."""
     from paretoik.front.choice_tree import read_choices
 
     if point is None and compare is None and read_choices(run).chosen is None:
@@ -154,12 +151,11 @@ def export(
     """
     with stdout_for_results():
         from paretoik.api.export import export as export_motion
-        from paretoik.api.result import holds_plan
         from paretoik.loading import load_value
 
         limits = load_value("controller", controller) if controller is not None and ":" in controller else controller
         named = agreed_problem(run, problem, needed=True)
-        id, motion, about, which = (_optimum if holds_plan(run) else _point)(run, point, named)
+        id, motion, about, which = _motion(run, point, named)
         place = out or run / f"point-{id}{ENDINGS[format or 'csv']}"
         trajectory = export_motion(
             motion,
@@ -182,50 +178,28 @@ def export(
         print_text(_text(trajectory, place, which=which if point is None else ""))
 
 
-def _point(run: Path, point: int | None, problem: str | None) -> tuple[int, Choice, dict[str, Any], str]:
-    """Return a point of a front: id, choice, metadata, and default's name.
-
-    The default is the run's present choice.
-    """
-    from paretoik.api.load import load_front
+def _motion(run: Path, point: int | None, problem: str | None) -> tuple[int, Choice | Motion, dict[str, Any], str]:
+    """Return a point of a front, or an optimum of a plan: id, motion, metadata, and the name of the default."""
+    from paretoik.api.load import load_front, load_plan
+    from paretoik.api.result import holds_plan
     from paretoik.front.choice_tree import pick_point
 
-    front = load_front(run, problem)
-    choice = pick_point(front, point, name="--point")
-    objectives = {
-        name: _with_unit(value, unit)
-        for name, unit, value in zip(front.names, front.units, choice.objectives, strict=True)
-    }
-    which = " (the present choice)" if len(front) > 1 else ""
-    return choice.id, choice, {"problem": front.provenance.get("problem"), "objectives": objectives}, which
-
-
-def _optimum(run: Path, point: int | None, problem: str | None) -> tuple[int, Motion, dict[str, Any], str]:
-    """Return an optimum of a plan: id, motion, metadata, default's name.
-
-    ``point`` is the id of the optimum, None for the best one. Raises InvalidInput if the plan has no such id.
-    """
-    from paretoik.api.load import load_plan
-    from paretoik.runs.files import RUN, read_run
-
-    plan, id = load_plan(run, problem), 0 if point is None else point
-    if not 0 <= id < len(plan.optima):
-        raise InvalidInput(f"--point must be an optimum from 0 to {len(plan.optima) - 1}, got {id}")
-    optimum, objective = plan.optima[id], read_run(run / RUN)["objective"]
-    return (
-        id,
-        optimum.motion,
-        {
-            "problem": plan.provenance.get("problem"),
-            "point": id,
-            "objectives": {objective["name"]: _with_unit(optimum.objective, objective["unit"])},
-        },
-        " (the best)",
-    )
-
-
-def _with_unit(value: float, unit: str) -> str:
-    return f"{value:.6g} {unit}".rstrip()
+    if holds_plan(run):
+        plan, id = load_plan(run, problem), point or 0
+        if not 0 <= id < len(plan.optima):
+            raise InvalidInput(f"--point must be an optimum from 0 to {len(plan.optima) - 1}, got {id}")
+        stored, which, about = read_run(run / RUN)["objective"], " (the best)", {"point": id}
+        motion: Choice | Motion = plan.optima[id].motion
+        values = [(stored["name"], stored["unit"], plan.optima[id].objective)]
+        reference = plan.provenance.get("problem")
+    else:
+        front = load_front(run, problem)
+        motion = choice = pick_point(front, point, name="--point")
+        id, which, about = choice.id, " (the present choice)" if len(front) > 1 else "", {}
+        values = list(zip(front.names, front.units, choice.objectives, strict=True))
+        reference = front.provenance.get("problem")
+    objectives = {name: f"{value:.6g} {unit}".rstrip() for name, unit, value in values}
+    return id, motion, {"problem": reference, **about, "objectives": objectives}, which
 
 
 def _text(trajectory: JointTrajectory, place: Path, *, which: str) -> str:

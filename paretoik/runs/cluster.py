@@ -1,7 +1,7 @@
 """Workers of a Dask cluster, which get tasks from its scheduler.
 
-Workers that die or do not respond are noticed. The client decides everything: which items form a task, which are tried
-again, and when an item is given up.
+The client decides which items form a task, which are tried again, and when an item is given up. Workers that die are
+replaced; the scheduler leaves out workers that are silent for its ``worker-ttl`` (five minutes).
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib.util import find_spec
+from math import inf
 from queue import Empty, SimpleQueue
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import cloudpickle
 
@@ -49,7 +50,6 @@ class ClusterOptions:
     watch: time between two checks of the workers
     connection: time until somebody must listen at the address; a scheduler that is silent for longer is reported
     patience: time until the scheduler must answer, reconnect, or have a worker
-    frozen: silence after which a worker is no longer used
     """
 
     portion: float = 0.5
@@ -60,7 +60,6 @@ class ClusterOptions:
     watch: float = 2.0
     connection: float = 5.0
     patience: float = 60.0
-    frozen: float = 30.0
 
 
 OPTIONS = ClusterOptions()
@@ -70,10 +69,8 @@ OPTIONS = ClusterOptions()
 
 
 class Task(NamedTuple):
-    """A function with its items, as bytes.
+    """A pickled function with pickled pairs of place and item, as bytes.
 
-    function: pickled function
-    items: pickled pairs of place and item
     key: key of the shared object
     seconds: time that an item may take, None for no limit
     software: versions that the worker must have
@@ -124,10 +121,7 @@ _LOCAL = _Local()
 
 
 def itself(shared: bytes) -> bytes:
-    """Return the shared object unchanged.
-
-    As the result of a task, Dask sends it again to workers that replace others.
-    """
+    """Return the shared object, which Dask, as the result of a task, sends again to workers that replace others."""
     return shared
 
 
@@ -151,10 +145,6 @@ def run_task(shared: bytes, task: Task) -> Computed | Refused:
     return Computed([(places[i], reply) for i, reply in answers], origin)
 
 
-TRIM_THRESHOLD = -1  # M_TRIM_THRESHOLD in glibc's malloc.h
-TRIM = 64 * 2**20  # bytes of free memory that a worker keeps at the end of the heap; glibc itself grows to this value
-
-
 @cache
 def _keep_memory() -> None:
     """Keep freed memory in this process, if the system's library allows it.
@@ -163,7 +153,7 @@ def _keep_memory() -> None:
     search's time.
     """
     with suppress(AttributeError, OSError):
-        ctypes.CDLL(None).mallopt(TRIM_THRESHOLD, TRIM)
+        ctypes.CDLL(None).mallopt(-1, 64 * 2**20)  # M_TRIM_THRESHOLD [bytes]; glibc itself grows to this value
 
 
 # Connection to a Dask scheduler: if nobody listens, the error comes soon; a slow scheduler gets more time.
@@ -172,65 +162,41 @@ def _keep_memory() -> None:
 def connect(address: str, options: ClusterOptions, tell: Callable[[str], None]) -> Any:
     """Return Dask's client of the scheduler at an address.
 
-    Somebody must listen there within ``connection`` seconds. A scheduler that listens must answer within ``patience``
-    seconds, as its machine may be busy; after ``connection`` seconds a warning says so. Raises InvalidInput if nobody
-    listens or the scheduler does not answer, Interrupted soon after a signal.
+    Somebody must listen there within ``connection`` seconds, and answer within ``patience`` seconds, as its machine may
+    be busy. Raises InvalidInput if not, Interrupted soon after a signal.
     """
     from distributed import Client
     from distributed.comm import get_address_host_port
 
-    client, abandoned = Future[Any](), threading.Event()
-
-    def find_listener() -> None:
-        place, deadline = get_address_host_port(address), time.monotonic() + options.connection
-        while True:
-            try:
-                return socket.create_connection(place, timeout=options.connection).close()
-            except OSError:
-                if abandoned.is_set() or time.monotonic() + options.interval > deadline:
-                    raise
-            time.sleep(options.interval)
+    client = Future[Any]()
 
     def attempt() -> None:  # in its own thread, because Dask waits without looking for signals
         try:
-            find_listener()
+            socket.create_connection(get_address_host_port(address), timeout=options.connection).close()
             # The timeout also limits reconnection: a client that gave up never reconnects.
             client.set_result(Client(address, timeout=options.patience, set_as_default=False, name="paretoik"))
         except Exception as error:  # a wrong address or another server can make Dask raise any error
             client.set_exception(error)
-        if abandoned.is_set() and client.exception() is None:
-            client.result().close(timeout=1.0)
 
-    begin, has_warned, refused = (
-        time.monotonic(),
-        False,
-        f"cluster must be the address of a Dask scheduler, got {address}",
-    )
     threading.Thread(target=attempt, daemon=True).start()
-    try:
-        while not wait([client], timeout=options.interval).done:
-            waited = time.monotonic() - begin
-            if STOP[0]:
-                raise Interrupted
-            if waited > options.connection + options.patience:
-                raise InvalidInput(f"{refused}: no answer within {options.patience:g} s from the server there")
-            if waited > 2 * options.connection and not has_warned:
-                has_warned = True
-                tell(_slow(address, waited, options))
-    except BaseException:
-        abandoned.set()
-        raise
-    error = client.exception()
-    if isinstance(error, OSError) and error.strerror:
-        raise InvalidInput(f"{refused}: nobody listens there ({error.strerror})") from error
+    waited = 0.0
+    while not wait([client], timeout=options.interval).done and waited < options.connection + options.patience:
+        if STOP[0]:
+            client.add_done_callback(lambda done: None if done.exception() else done.result().close(timeout=1.0))
+            raise Interrupted
+        waited += options.interval
+        if waited > 2 * options.connection:
+            tell(_slow(address, options))
+    error = client.exception() if client.done() else TimeoutError(f"no answer within {options.patience:g} s")
     if error is not None:
-        raise InvalidInput(f"{refused}: {' '.join(str(error).split()) or type(error).__name__}") from error
+        fact = getattr(error, "strerror", None) or " ".join(str(error).split()) or type(error).__name__
+        raise InvalidInput(f"cluster must be the address of a Dask scheduler, got {address}: {fact}") from error
     return client.result()
 
 
-def _slow(address: str, seconds: float, options: ClusterOptions) -> str:
+def _slow(address: str, options: ClusterOptions) -> str:
     """Return the warning that a scheduler is slow to answer."""
-    silent = f"the scheduler at {address} has not answered for {seconds:.0f} s, its machine may be busy"
+    silent = f"the scheduler at {address} has not answered for {options.connection:g} s, its machine may be busy"
     return f"{silent}; it is waited for, {options.patience:g} s at most"
 
 
@@ -253,24 +219,18 @@ class Cluster:
         self._warnings: set[str] = set()
         self.client = connect(address, options, self.tell)
         self.run, self.tasks, self.threads = uuid.uuid4().hex, 0, 0
-        ClusterWatch(self).count_threads()
         # The shared object, its bytes, and its future at the scheduler.
         self._shared: tuple[Any, bytes, Any] = None, b"", None
         self.origins: set[Origin] = set()  # origins of the results so far
+        ClusterWatch(self).look()
 
     @property
     def workers(self) -> int:
-        """Number of items computed at a time: at least two.
-
-        More workers may join later.
-        """
+        """Number of items computed at a time: at least two, as more workers may join later."""
         return max(self.threads, 2)
 
     def description(self) -> dict[str, Any]:
-        """Return the processes used, as an entry of `run.json`.
-
-        Machines and workers, grouped by make of processor.
-        """
+        """Return machines and workers, grouped by make of processor, as an entry of `run.json`."""
         makes = sorted({origin.processor for origin in self.origins})
         groups = [[origin for origin in self.origins if origin.processor == make] for make in makes]
         machines = [
@@ -306,10 +266,7 @@ class Cluster:
         yield from _Round(self, pickled("a function", function), items, seconds).replies()
 
     def shared(self) -> Any:
-        """Return the future of the shared object at the scheduler.
-
-        If the scheduler lost the object, it is sent again.
-        """
+        """Return the future of the shared object at the scheduler; if the scheduler lost it, it is sent again."""
         shared, content, future = self._shared
         if future is None or future.status in CANCELLED:
             key = f"paretoik-shared-{hashlib.sha256(content).hexdigest()}"
@@ -332,8 +289,8 @@ class Cluster:
                 self.wait_for(partial(self.client.replicate, [future], asynchronous=True), self.options.connection)
         return future.status != "pending"  # a failure reappears in the tasks that need the object
 
-    def wait_for(self, function: Callable[[], Awaitable[Any]], seconds: float) -> Any:
-        """Return the result of a function run in Dask's thread.
+    def wait_for(self, function: Callable[[], Awaitable[Any]], seconds: float, *, slow: str = "") -> Any:
+        """Return the result of a function run in Dask's thread; warn if it is ``slow``.
 
         Raises TimeoutError after ``seconds``, Interrupted soon after a signal, and what the function raises.
         """
@@ -342,11 +299,14 @@ class Cluster:
             return await function()
 
         future = asyncio.run_coroutine_threadsafe(run(), self.client.loop.asyncio_loop)
-        deadline = time.monotonic() + seconds
+        begin = time.monotonic()
         while not wait([future], timeout=min(self.options.interval, seconds)).done:
-            if STOP[0] or time.monotonic() > deadline:
+            waited = time.monotonic() - begin
+            if STOP[0] or waited > seconds:
                 future.cancel()
                 raise Interrupted if STOP[0] else TimeoutError
+            if slow and waited > self.options.connection:
+                self.tell(slow)
         return future.result()
 
     def tell(self, text: str) -> None:
@@ -357,101 +317,43 @@ class Cluster:
 
 
 class ClusterWatch:
-    """Watches scheduler and workers; waits for missing ones, then gives up.
-
-    Missing ones are reported. A question to the scheduler is answered at a later check, as a busy scheduler may take
-    seconds.
-    """
+    """Watches scheduler and workers; waits for missing ones, then gives up."""
 
     def __init__(self, cluster: Cluster) -> None:
         self.cluster, self.options = cluster, cluster.options
-        self.looked = self.question_time = time.monotonic()
-        self.question: Future[Any] | None = None  # not answered yet
+        self.looked = -inf
         self.missing: float | None = None  # time since which something is missing
 
-    def count_threads(self) -> None:
-        """Ask now for the number of worker threads."""
-        self._ask(time.monotonic())
-        if self.question is not None:
-            wait([self.question], timeout=5 * self.options.interval)
-            if self.question.done():
-                self._count(self._answer() or {})
-
     def look(self) -> None:
-        """Check scheduler and workers, unless the last check was recent.
+        """Count the worker threads, unless that was done recently.
 
-        Raises SolverFailed if nobody returns or answers.
+        Raises SolverFailed if nobody returns or answers, Interrupted soon after a signal.
         """
-        now = time.monotonic()
-        if self.cluster.client.status != "running":
-            self.question = None
-            self._miss("scheduler", now)
-        elif self.question is None:
-            if now - self.looked >= self.options.watch:
-                self._ask(now)
-        elif self.question.done():
-            self.looked, seen = now, self._answer()
-            if seen:
-                self.missing = None
-                self._count(seen)
-                self._leave_out_frozen(seen)
-            else:
-                self._miss("worker" if seen is not None else "scheduler", now)
-        else:
-            silent, address = now - self.question_time, self.cluster.address
-            if silent > self.options.patience:
-                text = f"cluster: no answer from the scheduler at {address} for {self.options.patience:g} s"
-                raise SolverFailed(f"{text}; resume continues the run")
-            if silent > self.options.connection:
-                self.cluster.tell(_slow(address, self.options.connection, self.options))
-
-    def _miss(self, what: str, now: float) -> None:
-        options, address = self.options, self.cluster.address
+        now, client, threads = time.monotonic(), self.cluster.client, None
+        if now - self.looked < self.options.watch:
+            return
+        if client.status == "running":
+            count, slow = partial(client.nthreads, asynchronous=True), _slow(self.cluster.address, self.options)
+            try:
+                threads = self.cluster.wait_for(count, self.options.patience, slow=slow)
+            except TimeoutError:
+                self._give_up("answer from the scheduler")
+            except Exception:  # a broken connection can raise anything
+                threads = None
+        self.looked = time.monotonic()
+        if threads:
+            self.cluster.threads, self.missing = sum(threads.values()), None
+            return
+        what = "scheduler" if threads is None else "worker"
         self.missing = now if self.missing is None else self.missing
-        if now - self.missing > options.patience:
-            raise SolverFailed(f"cluster: no {what} at {address} for {options.patience:g} s; resume continues the run")
-        self.cluster.tell(f"no {what} at {address}; one is waited for, {options.patience:g} s at most")
+        if now - self.missing > self.options.patience:
+            self._give_up(what)
+        told = f"no {what} at {self.cluster.address}; one is waited for, {self.options.patience:g} s at most"
+        self.cluster.tell(told)
 
-    def _ask(self, now: float) -> None:
-        """Ask for the threads and the silence [s] of every worker."""
-
-        def seen(dask_scheduler: Any) -> dict[str, tuple[int, float]]:  # sent by value: the scheduler needs no paretoik
-            import time
-
-            workers = dask_scheduler.workers.items()
-            return {address: (each.nthreads, time.time() - each.last_seen) for address, each in workers}
-
-        self.question_time, self.question = now, self._run_on_scheduler(seen)
-
-    def _answer(self) -> dict[str, tuple[int, float]] | None:
-        """Return the scheduler's answer; None if the connection broke before it came."""
-        question, self.question = self.question, None
-        try:
-            return None if question is None else question.result()
-        except Exception:  # a broken connection can raise anything
-            return None
-
-    def _count(self, seen: Mapping[str, tuple[int, float]]) -> None:
-        if seen:
-            self.cluster.threads = sum(threads for threads, _ in seen.values())
-
-    def _leave_out_frozen(self, seen: Mapping[str, tuple[int, float]]) -> None:
-        for address, (_, silent) in seen.items():
-            if silent > self.options.frozen:
-                self.cluster.tell(f"the worker at {address} was silent for {self.options.frozen:g} s and is left out")
-                self._leave_out(address)
-
-    def _leave_out(self, address: str) -> None:
-        async def leave_out(dask_scheduler: Any) -> None:  # sent by value
-            await dask_scheduler.remove_worker(address=address, close=False, stimulus_id="paretoik-frozen")
-
-        self._run_on_scheduler(leave_out)
-
-    def _run_on_scheduler(self, function: Any) -> Future[Any] | None:
-        client = self.cluster.client
-        if client.status != "running":
-            return None
-        return asyncio.run_coroutine_threadsafe(client._run_on_scheduler(function), client.loop.asyncio_loop)
+    def _give_up(self, what: str) -> NoReturn:
+        place, seconds = self.cluster.address, f"{self.options.patience:g} s"
+        raise SolverFailed(f"cluster: no {what} at {place} for {seconds}; resume continues the run")
 
 
 class _Round:
@@ -470,10 +372,10 @@ class _Round:
         self.late: Any = None  # the task whose result did not come in time
 
     def replies(self) -> Iterator[tuple[int, Reply]]:
-        self.watch.count_threads()
         while self.answered < len(self.items):
             if STOP[0]:
                 raise Interrupted  # the scheduler drops futures that no client holds
+            self.watch.look()
             self._submit()
             ended = list[Any]()  # stays empty if no task ends for a while
             with suppress(Empty):
@@ -489,7 +391,6 @@ class _Round:
             if self.late is not None:  # next time the other tasks come first
                 self.ended.put(self.late)
                 self.late = None
-            self.watch.look()
 
     def _submit(self) -> None:
         """Send tasks up to the limit; send suspects last, one by one."""
@@ -518,10 +419,7 @@ class _Round:
         future.add_done_callback(self.ended.put)
 
     def _gather(self, futures: Sequence[Any]) -> dict[Any, Any]:
-        """Return the results of finished tasks, fetched together to save round trips.
-
-        Empty if the fetch fails.
-        """
+        """Return the results of finished tasks, fetched together to save round trips. Empty if the fetch fails."""
         finished = [future for future in futures if future.status == "finished"]
         fetch = partial(self.cluster.client.gather, finished, asynchronous=True)
         with suppress(Exception):  # if this fails, each result is fetched separately
@@ -552,7 +450,7 @@ class _Round:
         from distributed import KilledWorker
 
         if isinstance(error, TimeoutError):  # the worker is busy, or it is gone and the item is computed again
-            self.patience, self.late = min(2 * self.patience, self.options.frozen), future
+            self.patience, self.late = min(2 * self.patience, self.options.patience), future
             return
         alone, places = len(self.running) == 1, self.running.pop(future)
         if future.status in CANCELLED:  # the scheduler has lost the task

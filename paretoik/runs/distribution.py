@@ -22,17 +22,14 @@ import cloudpickle
 from paretoik.errors import InvalidInput, warn_user
 from paretoik.inputs import cause_of
 from paretoik.runs.journal import Values, recalled, remembered
-from paretoik.runs.user_code import is_library_module
+from paretoik.runs.user_code import is_library
 from paretoik.stop_flag import check_interruption
 
 # Messages to workers, as bytes: library objects are sent by name, users' code by content.
 
 
 def pickled(what: str, value: Any) -> bytes:
-    """Return a value as bytes that load without the user's files.
-
-    Raises InvalidInput, with the name ``what``, if it cannot be pickled.
-    """
+    """Return a value as bytes that load without the user's files; raises InvalidInput, with ``what``, if it cannot."""
     by_value = cloudpickle.list_registry_pickle_by_value()
     modules = [module for name, module in sys.modules.copy().items() if _is_users_module(name)]
     added = [module for module in modules if module.__name__ not in by_value]
@@ -52,7 +49,7 @@ def _is_users_module(name: str) -> bool:
     """Return whether a module is a user's; the first answer is kept."""
     module = sys.modules[name]
     is_named = isinstance(module, ModuleType) and getattr(module, "__name__", None) == name
-    return is_named and not is_library_module(module)
+    return is_named and not is_library(name)
 
 
 # Computation in this process, or by an executor.
@@ -75,10 +72,7 @@ class Raised(NamedTuple):
 
 
 class Lost(NamedTuple):
-    """An item without a result, and the cause.
-
-    Either every worker that tried it ended, or it took too long.
-    """
+    """An item without a result, and the cause. Either every worker that tried it ended, or it took too long."""
 
     cause: str
 
@@ -90,10 +84,7 @@ Function: TypeAlias = Callable[[Any, Any], Any]
 
 @runtime_checkable
 class Executor(Protocol):
-    """Computes a function of many items in workers.
-
-    Each worker gets the shared object once.
-    """
+    """Computes a function of many items in workers. Each worker gets the shared object once."""
 
     @property
     def workers(self) -> int:
@@ -102,26 +93,18 @@ class Executor(Protocol):
     def replies(
         self, function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None
     ) -> Iterator[tuple[int, Reply]]:
-        """Yield the place and reply of each item, in order of arrival.
-
-        An item that takes longer than ``seconds`` is lost.
+        """Yield the place and reply of each item as they arrive; an item is lost if it takes longer than ``seconds``.
 
         Raises Interrupted soon after a signal, SolverFailed if no worker is left.
         """
 
     def description(self) -> dict[str, Any]:
-        """Return the processes used so far, as strict JSON.
-
-        Its entry ``by`` names the kind of executor.
-        """
+        """Return the processes used so far, as strict JSON. Its entry ``by`` names the kind of executor."""
 
 
 @dataclass(kw_only=True, eq=False)
 class _Account:
-    """Seconds waited for workers, and seconds that workers computed.
-
-    If the workers computed for less time than this process waited, they do not save time.
-    """
+    """Seconds waited for workers, and seconds that they computed; they save no time if they computed for less."""
 
     executor: Executor
     waited: float = 0.0
@@ -137,10 +120,7 @@ _IN_WORKER = [False]
 
 @contextmanager
 def distributing(active: Executor | None) -> Iterator[None]:
-    """Compute what the body distributes by an executor.
-
-    None changes nothing, nor does a call within another's body.
-    """
+    """Compute what the body distributes by an executor. None changes nothing, nor does a call within another's body."""
     if active is None or _ACTIVE:
         yield
         return
@@ -162,10 +142,7 @@ def executor() -> Executor | None:
 
 
 def threads() -> int:
-    """Return the number of threads that compiled code may use.
-
-    One per core, but only one in a worker.
-    """
+    """Return the number of threads that compiled code may use. One per core, but only one in a worker."""
     return 1 if _IN_WORKER[0] else os.cpu_count() or 1
 
 
@@ -177,10 +154,10 @@ def become_worker() -> None:
 def distribute(
     function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None = None
 ) -> Iterator[tuple[int, Any | Lost]]:
-    """Yield the place and result of each item, in order of arrival.
+    """Yield the place and result, or ``Lost``, of each item, in order of arrival.
 
-    The result is a ``Lost`` if the item is lost. If the function raises, the other items are computed first; then the
-    error of the first such item is raised. Raises as the executor does.
+    If the function raises, the other items are computed first; then the error of the first such item is raised. Raises
+    as the executor does.
     """
     account, errors = _ACTIVE[0], dict[int, Exception]()
     begin = None if account.starting else time.monotonic()
@@ -209,10 +186,7 @@ def distribute(
 def distribute_remembered(
     function: Function, shared: Any, items: Sequence[Any], keys: Sequence[bytes | None]
 ) -> Iterator[tuple[int, Values | Lost]]:
-    """Yield as ``distribute`` does, with results from the journal if possible.
-
-    Results are plain arrays by name. Those in the run's journal, by their keys, are not computed again.
-    """
+    """Yield as ``distribute`` does; results are plain arrays by name, from the journal if it has their keys."""
     remaining = list[int]()
     for place, key in enumerate(keys):
         stored = None if key is None else recalled(key)
@@ -228,9 +202,7 @@ def distribute_remembered(
 def compute_each(
     function: Function, shared: Any, items: Sequence[Any], keys: Sequence[bytes | None]
 ) -> Iterator[tuple[int, Values | Lost]]:
-    """Yield as ``distribute_remembered`` does, also without workers.
-
-    Without workers, or for one item, this process computes one item after the other.
+    """Yield as ``distribute_remembered`` does; without workers or for one item, this process computes in order.
 
     Raises Interrupted after a signal.
     """

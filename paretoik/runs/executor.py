@@ -15,9 +15,6 @@ from paretoik.runs.processes import WorkerProcesses
 # The entry ``computed`` of `run.json`: the processes that computed, and its text.
 
 
-SAME, TOLERANCE, UNKNOWN = "bit for bit", "to tolerance", "unknown"  # how a run can be reproduced in one process
-
-
 def computed(former: object = None) -> dict[str, Any]:
     """Return the processes used so far, as an entry of `run.json`.
 
@@ -36,21 +33,26 @@ def computed(former: object = None) -> dict[str, Any]:
     return {"reproducible": _reproducible(entries), "by": entries}
 
 
-def computed_text(entry: object) -> str:
-    """Return the processes of a run's entry in one line, or "".
-
-    "" if the entry cannot be read.
-    """
-    entries = _entries(entry)
+def computed_text(stored: object) -> str:
+    """Return the processes of a run's entry in one line, "" if the entry cannot be read."""
+    entries = _entries(stored)
     if not entries:
         return ""
-    return f"{', then '.join(_words(each) for each in entries)}; {REPRODUCIBLE[_reproducible(entries)]}"
+    words = list[str]()
+    for entry in entries:
+        text = str(entry["by"]) + (f" ({entry['workers']})" if "workers" in entry else "")
+        if "machines" in entry:
+            makes = entry["machines"]
+            parts = [f"{each['workers']} workers on {each['machines']} machines, {each['processor']}" for each in makes]
+            text += f" ({'; '.join(parts) or 'no worker yet'})"
+        words.append(text)
+    return f"{', then '.join(words)}; {REPRODUCIBLE[_reproducible(entries)]}"
 
 
-REPRODUCIBLE = {
-    SAME: "one process reproduces it bit for bit",
-    TOLERANCE: "processors of different makes, so one process reproduces it to tolerance",
-    UNKNOWN: "the makes of processor are unknown",
+REPRODUCIBLE = {  # in words, how a run can be reproduced in one process
+    "bit for bit": "one process reproduces it bit for bit",
+    "to tolerance": "processors of different makes, so one process reproduces it to tolerance",
+    "unknown": "the makes of processor are unknown",
 }
 
 
@@ -61,32 +63,16 @@ def _entries(computed_by: object) -> list[dict[str, Any]]:
 
 def _reproducible(entries: Sequence[Mapping[str, Any]]) -> str:
     if any(each.get("machines") == [] for each in entries):
-        return UNKNOWN
+        return "unknown"
     makes = {make.get("processor") for each in entries for make in (each, *each.get("machines", ()))}
-    return SAME if len(makes) == 1 else TOLERANCE
-
-
-def _words(entry: Mapping[str, Any]) -> str:
-    text = str(entry["by"])
-    if "workers" in entry:
-        text += f" ({entry['workers']})"
-    if "machines" in entry:
-        parts = [
-            f"{make['workers']} workers on {make['machines']} machines, {make['processor']}"
-            for make in entry["machines"]
-        ]
-        text += f" ({'; '.join(parts) or 'no worker yet'})"
-    return text
+    return "bit for bit" if len(makes) == 1 else "to tolerance"
 
 
 # Executors: this process, local workers, or a cluster.
 
 
 def check_workers(workers: int | None, cluster: str | None) -> None:
-    """Raise InvalidInput for an invalid number of workers or address.
-
-    Both together are refused too.
-    """
+    """Raise InvalidInput for an invalid number of workers or address, and for both together."""
     if workers is not None:
         check_size("workers", workers, 1)
     if cluster is None:
@@ -102,9 +88,8 @@ def open_executor(workers: int | None, cluster: str | None, *, isolated: bool = 
     """Compute what the body distributes in workers, a cluster, or here.
 
     ``isolated`` starts one worker if neither workers nor a cluster are given: a worker can be killed when an evaluation
-    takes too long. Raises InvalidInput as ``check_workers`` does, and if there is no such cluster.
+    takes too long. Raises InvalidInput if there is no such cluster.
     """
-    check_workers(workers, cluster)
     if cluster is not None:
         from paretoik.runs.cluster import Cluster  # imported here because it loads Dask
 

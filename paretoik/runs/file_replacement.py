@@ -40,9 +40,7 @@ def replace_file(file: Path, content: bytes, *, check: Callable[[Path], object] 
 
 
 def replace_files(folder: Path, contents: Mapping[str, bytes]) -> None:
-    """Replace files of a folder, by name, all or none.
-
-    The caller must be the folder's ``only_writer``.
+    """Replace files of a folder, by name, all or none; the caller must be the folder's ``only_writer``.
 
     Raises InvalidInput if the system refuses, as on a full disk; the former files are then unchanged.
     """
@@ -81,11 +79,10 @@ def remove(place: Path) -> None:
 
 @contextmanager
 def only_writer(folder: Path) -> Iterator[None]:
-    """Lock a folder while the body replaces its files.
+    """Lock a folder, made if necessary, while the body replaces its files, so that no other process does.
 
-    Two processes then do not overwrite each other's additions. The folder is made if necessary. Files that a killed
-    process saved there move into place first. The lock ends with the process. Raises InvalidInput if the system
-    refuses.
+    Files that a killed process saved there move into place first. The lock ends with the process. Raises InvalidInput
+    if the system refuses.
     """
     with refusal(f"{folder} must be a folder to write into"):
         folder.mkdir(parents=True, exist_ok=True)

@@ -27,21 +27,13 @@ FORMER_NAMES = {"kkt_residual": "criticality"}  # former names of columns
 
 
 def read_arrays(content: bytes) -> dict[str, np.ndarray]:
-    """Return the arrays of an NPZ without pickle.
-
-    Raises what NumPy raises for other content.
-    """
+    """Return the arrays of an NPZ without pickle. Raises what NumPy raises for other content."""
     with np.load(io.BytesIO(content), allow_pickle=False) as stored:
         return {name: stored[name] for name in stored.files}
 
 
 def read_table(content: bytes) -> Any:
-    """Return the Arrow table of a Parquet file.
-
-    Former column names are replaced by the present ones.
-
-    Raises what Arrow raises for other content.
-    """
+    """Return the Arrow table of a Parquet file, with present column names; raises what Arrow raises."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -113,9 +105,7 @@ def check_target(
 
 
 def run_bytes(entries: Mapping[str, Any]) -> bytes:
-    """Return the content of a `run.json` or `choices.json`.
-
-    It has the format, the `entries`, and the digest of both.
+    """Return the content of a `run.json` or `choices.json`: the format, the `entries`, and the digest of both.
 
     Raises TypeError or ValueError if an entry is no strict JSON.
     """
@@ -124,9 +114,7 @@ def run_bytes(entries: Mapping[str, Any]) -> bytes:
 
 
 def result_files(entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> dict[str, bytes]:
-    """Return the contents of a result's files, including `run.json`, by name.
-
-    `run.json` has ``entries`` and the digests of the files.
+    """Return a result's files by name, including `run.json` with ``entries`` and the digests of the files.
 
     Raises TypeError or ValueError if an entry is no strict JSON.
     """
@@ -135,27 +123,19 @@ def result_files(entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> d
 
 
 def write_result(folder: Path, entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> None:
-    """Write a result's files into a folder, all or none.
-
-    ``entries`` are as in ``write_run``.
-    """
+    """Write a result's files into a folder, all or none. ``entries`` are as in ``write_run``."""
     files = result_files(to_json(entries), contents)
     with only_writer(folder):
         replace_files(folder, files)
 
 
 def write_run(folder: Path, entries: Mapping[str, Any]) -> None:
-    """Write `entries` as the folder's `run.json`.
-
-    Infinite numbers become null. Raises as ``to_json`` does.
-    """
+    """Write `entries` as the folder's `run.json`. Infinite numbers become null. Raises as ``to_json`` does."""
     replace_file(folder / RUN, run_bytes(to_json(entries)))
 
 
 def read_run(file: Path, *, kind: str = "a run") -> dict[str, Any]:
-    """Return the entries of a file of this format.
-
-    The file is a `run.json`, or a file of another ``kind``. Its digest is not checked.
+    """Return the entries of a `run.json`, or of another ``kind`` of file of its format; its digest is not checked.
 
     Raises InvalidRun if the file is missing, a link, no strict JSON, no run, or of another format.
     """
@@ -175,10 +155,7 @@ def read_run(file: Path, *, kind: str = "a run") -> dict[str, Any]:
 
 
 def check_digest(file: Path, run: dict[str, Any]) -> None:
-    """Remove and check the digest of a file's entries.
-
-    Raises InvalidRun if it is not the digest of the other entries.
-    """
+    """Remove the digest of a file's entries; raises InvalidRun if it is not that of the other entries."""
     if run.pop("digest", None) != digest(run):
         raise InvalidRun(f"{file} must be as it was written, got contents that do not match their digest")
 
@@ -189,10 +166,7 @@ def is_run(file: Path) -> bool:
 
 
 def has_result(folder: Path) -> bool:
-    """Return whether a folder has a run with a result.
-
-    True for any run of another version of this format, since it may have one.
-    """
+    """Return whether a folder has a run with a result; one of another version may have one and counts."""
     run = _entries(folder / RUN)
     return run is not None and ("files" in run or run["format"] != FORMAT)
 
@@ -204,10 +178,7 @@ def can_resume(folder: Path) -> bool:
 
 
 def problem_words(reference: object) -> tuple[str, ...]:
-    """Return the command-line words that name a run's problem.
-
-    Empty if the run names no problem.
-    """
+    """Return the command-line words that name a run's problem, empty if it names none."""
     return ("--problem", reference) if isinstance(reference, str) and reference else ()
 
 
@@ -233,10 +204,7 @@ def unfinished_note(folder: Path) -> str:
 
 
 def _entries(file: Path) -> dict[str, Any] | None:
-    """Return the unchecked entries of a `run.json`, None for other files.
-
-    Any version of this format is read.
-    """
+    """Return the unchecked entries of a `run.json` of any version, None for other files."""
     try:
         run = json.loads(read_plain_file(file))
     except (InvalidRun, ValueError, RecursionError):
@@ -251,9 +219,7 @@ def digest(run: Mapping[str, Any]) -> str:
 
 
 def to_json(value: Any, *, name: str = "run") -> Any:
-    """Return `value` as strict JSON.
-
-    Arrays become lists, paths text, and infinite or NaN numbers null.
+    """Return `value` as strict JSON: arrays become lists, paths text, and infinite or NaN numbers null.
 
     Raises InvalidInput if an item is neither number, text, truth value, None, list nor mapping.
     """
@@ -275,10 +241,7 @@ def to_json(value: Any, *, name: str = "run") -> Any:
 
 
 def read_plain_file(file: Path) -> bytes:
-    """Return the content of a plain file.
-
-    Raises InvalidRun for other files: a link may lead anywhere, and a pipe may never end.
-    """
+    """Return the content of a plain file; raises InvalidRun for links, which lead anywhere, and pipes."""
     try:
         if file.is_symlink() or not file.is_file():
             raise InvalidRun(f"{file} must be a plain file, got {missing_file(file)}")

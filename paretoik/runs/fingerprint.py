@@ -1,4 +1,7 @@
-"""The fingerprint of a problem: it identifies the problem of a run."""
+"""The fingerprint of a problem: it identifies the problem of a run.
+
+It is a digest of all fields of the problem, and of the source of the user's functions and classes in them.
+"""
 
 from __future__ import annotations
 
@@ -28,155 +31,75 @@ from paretoik.runs.user_code import (
     written_places,
 )
 
-# Parts of a class and of its objects that are in the fingerprint.
+SCHEME = "4"  # version of the digests; it changes when digests are made in another way
+DECIMALS = 6  # decimals of computed values [rad, m, shares]: processors differ in the last bits
+EXACT = 2**53  # floats represent all integers up to this one
+DEPTH = 100  # largest depth of nested values, since Python's stack is limited; deeper ones count by type only
 
 
-CONSTRUCTION = ("__init__", "__post_init__", "__new__", "__init_subclass__")
-EVALUATING = frozenset(  # methods of a problem that a search calls
-    {"_evaluate", "evaluate", "__call__", "decode", "encode", "explain", "species", "sample_starts", "algorithm"}
-    | {"_calc_pareto_front", "_calc_pareto_set"}
-)
-PYMOO = "pymoo.core.problem"
-EVALUATION = frozenset(  # attributes that control how pymoo evaluates a problem; they do not define it
-    {"elementwise_func", "elementwise_runner", "requires_kwargs", "strict"}
-    | {"exclude_from_serialization", "callback", "cache"}
-)
+def fingerprint(problem: object) -> str:
+    """Return a problem's digest, "SCHEME:DIGEST".
 
+    The digest has everything that determines a problem's objectives from its genes: arm, paths, limits, obstacles, and
+    functions with their source, defaults, and values of closures and globals. A user's own problem also counts by its
+    class. Source counts without comments, layout, annotations and documentation. If the source is missing, or is not
+    the code that runs, the bytecode and Python's version count instead. Installed libraries count by name. Values that
+    problem and functions change during an evaluation, such as counts and caches, do not count, and neither does the
+    place of a file.
 
-def class_parts(kind: type) -> dict[str, object]:
-    """Return the parts of a class.
-
-    For a library's class this is its name; for a user's its fields, bases, methods and attributes.
+    Two class attributes change this: ``computed_attributes`` follow from other attributes and are compared to 6
+    decimals, as processors differ in the last bits; ``search_attributes`` describe the search for solutions and do not
+    count. If refinement added samples to a problem, its fingerprint is that of ``finer_than``, the user's problem.
     """
-    if is_library(kind.__module__):
-        return {"name": library_name(kind)}
-    parts: dict[str, object] = {"name": kind.__name__, "bases": [base for base in kind.__bases__ if base is not object]}
-    if is_dataclass(kind):
-        for each in fields(kind):
-            default = each.default_factory if each.default is MISSING else each.default
-            parts[f"field {each.name}"] = None if default is MISSING else default
-    if issubclass(kind, Enum):
-        return parts | {"members": {name: member.value for name, member in kind.__members__.items()}}
-    hidden = _state_names(kind) | {"_abc_impl"}
-    for name, value in vars(kind).items():
-        slot = isinstance(value, MemberDescriptorType | GetSetDescriptorType)
-        if not slot and name not in hidden and (not name.startswith("__") or _is_written(value)):
-            parts[f"attribute {name}"] = value
-    return parts
+    given = getattr(problem, "finer_than", None)
+    return f"{SCHEME}:{Digester().digest(problem if given is None else given).hex()}"
 
 
-def _is_written(value: object) -> bool:
-    """Return whether a user wrote the function of a special name.
+def check_fingerprint(problem: object, stored: object, *, wish: str) -> None:
+    """Raise InvalidInput, which begins with ``wish``, unless a problem has the stored fingerprint.
 
-    Generated functions do not count.
+    A fingerprint of another scheme comes from another version of paretoik and cannot be compared.
     """
-    function = underlying(value)
-    file = "" if function is None else function.__code__.co_filename
-    return function is not None and not is_library(function.__module__, file) and not file.startswith("<string>")
-
-
-def object_state(value: Any) -> Mapping[str, object]:
-    """Return the defining attributes of an object by name.
-
-    Values computed from them later are left out. Data classes count by their fields; objects of users, paretoik's
-    objects and pymoo problems by their attributes, except those that an evaluation writes; library objects by the parts
-    that pickle takes.
-    """
-    kind = type(value)
-    if is_dataclass(kind):
-        return {each.name: getattr(value, each.name) for each in fields(kind) if hasattr(value, each.name)}
-    is_problem = any(base.__module__ == PYMOO for base in kind.__mro__)
-    if is_library(kind.__module__) and kind.__module__.partition(".")[0] != OURS and not is_problem:
-        return _reduced(value)
-    hidden = {name for base in kind.__mro__ for name, item in vars(base).items() if isinstance(item, cached_property)}
-    hidden |= _state_names(kind) | set(getattr(kind, "search_attributes", ()))
-    hidden |= EVALUATION if is_problem else set()
-    names = [*getattr(value, "__dict__", ()), *copyreg._slotnames(kind)]  # type: ignore[attr-defined]  # as pickle has it
-    return {name: getattr(value, name) for name in names if name not in hidden and hasattr(value, name)}
-
-
-def _reduced(value: Any) -> Mapping[str, object]:
-    try:
-        reduced = value.__reduce_ex__(4)
-    except Exception:  # a lock, a file, a pool: these do not define a problem
-        return {}
-    if isinstance(reduced, str):
-        return {"name": reduced}
-    function, arguments, state, *items = (*reduced, None, None, None)[:5]
-    parts = {"arguments": [each for each in arguments if each is not type(value)], "state": state}
-    parts["function"] = None if getattr(function, "__module__", "") == "copyreg" else function
-    return parts | {f"items {k}": None if each is None else list(each) for k, each in enumerate(items)}
-
-
-def _state_names(kind: type) -> set[str]:
-    """Return attributes that a user's methods write after construction.
-
-    Examples are counts, caches and progress. If the class can be evaluated, only methods called by an evaluation count,
-    otherwise all methods.
-    """
-    nodes = dict[str, Function]()
-    for base in reversed(kind.__mro__):
-        for name, value in vars(base).items() if not is_library(base.__module__) else ():
-            function = underlying(value.fget if isinstance(value, property) else getattr(value, "func", value))
-            node = None if function is None else syntax_of(function)
-            if node is not None:
-                nodes[name] = node
-    evaluates = "_evaluate" in nodes or "__call__" in nodes
-    late = _reachable(nodes, EVALUATING) if evaluates else set(nodes)  # users call setters, so these define the problem
-    classes = {base.__name__ for base in kind.__mro__}
-    return {
-        attribute
-        for name in late - _reachable(nodes, CONSTRUCTION)
-        for owner, attribute in written_places(nodes[name])
-        if attribute is not None and owner in {_first_argument(nodes[name]), *classes}
-    }
-
-
-def _reachable(nodes: Mapping[str, Function], names: Iterable[str]) -> set[str]:
-    """Return methods that these methods call, and these methods.
-
-    Only calls by their own object or ``super()`` are followed.
-    """
-    reached, pending = set[str](), [name for name in names if name in nodes]
-    while pending:
-        name = pending.pop()
-        reached.add(name)
-        owners = _first_argument(nodes[name]), "super()"
-        used = [each for each in ast.walk(nodes[name]) if isinstance(each, ast.Attribute)]
-        pending += {each.attr for each in used if ast.unparse(each.value) in owners} & nodes.keys() - reached
-    return reached
-
-
-def _first_argument(node: Function) -> str:
-    arguments = [*node.args.posonlyargs, *node.args.args]
-    return arguments[0].arg if arguments else ""
+    if not isinstance(stored, str) or not stored.startswith(f"{SCHEME}:"):
+        raise InvalidInput(
+            f"{wish}, got a run of another version of paretoik, whose fingerprints cannot be compared: whether it is "
+            "of this problem is not known"
+        )
+    if fingerprint(problem) != stored:
+        raise InvalidInput(f"{wish}, got one whose fingerprint is another")
 
 
 # Digests of values: equal for equal values, in all processes.
 
 
-DECIMALS = 6  # decimals of computed values [rad, m, shares]: processors differ in the last bits
-DEPTH = 100  # largest depth of nested values, since Python's stack is limited; deeper ones count by type only
-EXACT = 2**53  # floats represent all integers up to this one
+def joined(label: str, *parts: bytes) -> bytes:
+    """Return the digest of parts under a label; the boundaries between parts count."""
+    digest = blake2b(label.encode(errors="surrogatepass") + b"\0", digest_size=32)
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "little") + part)
+    return digest.digest()
 
 
 @dataclass(kw_only=True, eq=False)
 class Digester:
     """Digests of values that may refer to each other, each computed once.
 
-    ``rounded``: whether the values are computed ones, which are rounded
+    rounded: whether the values are computed ones, which are rounded
+    done: digests by the ids of values, with the values to keep these alive
+    open: depths of the values whose digests are under way
     """
 
     rounded: bool = False
-    done: dict[int, tuple[object, bytes]] = field(default_factory=dict)  # digests, with values to keep these alive
+    done: dict[int, tuple[object, bytes]] = field(default_factory=dict)
     open: dict[int, int] = field(default_factory=dict)
 
     def digest(self, value: object) -> bytes:
         """Return the digest of a value."""
-        if isinstance(value, Enum):
-            return joined("enum", self.digest(type(value)), value.name.encode())
-        if value is None or isinstance(value, bool | int | float | complex | str | bytes | np.generic):
-            return self._plain(value)
+        if isinstance(value, int | float | np.number) and not isinstance(value, Enum):
+            is_large = isinstance(value, int | np.integer) and abs(int(value)) >= EXACT
+            return joined("integer", str(value).encode()) if is_large else self._array(np.asarray(value))
+        if value is None or isinstance(value, str | bytes | complex):
+            return joined(type(value).__name__, repr(value).encode())
         if id(value) in self.done:
             return self.done[id(value)][1]
         if id(value) in self.open:
@@ -184,33 +107,19 @@ class Digester:
         if len(self.open) > DEPTH:
             return joined("deep", library_name(type(value)).encode())
         self.open[id(value)] = len(self.open)
-        try:
-            result = self._compound(value)
-        finally:
-            del self.open[id(value)]
+        result = self._compound(value)
+        del self.open[id(value)]
         self.done[id(value)] = value, result
         return result
-
-    def _plain(self, value: Any) -> bytes:
-        value = value.item() if isinstance(value, np.generic) else value
-        match value:
-            case str():
-                return joined("text", value.encode(errors="surrogatepass"))
-            case bytes():
-                return joined("bytes", value)
-            case int() if abs(value) > EXACT:
-                return joined("integer", str(int(value)).encode())
-            case int() | float():
-                return joined("number", self._numbers(np.array(float(value))))
-            case _:
-                return joined("other", repr(value).encode())
 
     def _compound(self, value: Any) -> bytes:
         kind: type = type(value)
         own = [] if is_library(kind.__module__) else [self.digest(kind)]  # a user's collection class counts
         match value:
-            case np.ndarray():
-                return self._array(value)
+            case Enum():
+                return joined("enum", self.digest(kind), value.name.encode())
+            case np.ndarray() | np.generic():
+                return self._array(np.asarray(value))
             case Mapping():
                 items = sorted(joined("item", *map(self.digest, item)) for item in value.items())
                 return joined("mapping", *own, *items)
@@ -227,37 +136,28 @@ class Digester:
             case MethodType() | property() | staticmethod() | classmethod() | cached_property():
                 names = "__func__", "__self__", "fget", "fset", "fdel", "func"
                 return joined(kind.__name__, *(self.digest(getattr(value, name, None)) for name in names))
-        if isinstance(value, np.random.Generator | np.random.RandomState | np.random.BitGenerator | random.Random):
-            return joined("chance", library_name(kind).encode())
+            case np.random.Generator() | np.random.RandomState() | np.random.BitGenerator() | random.Random():
+                return joined("chance", library_name(kind).encode())
+            case BuiltinFunctionType() | np.ufunc():
+                return joined("function", library_name(value).encode())
         function = None if own else underlying(value)  # a user's object may have further state
         if function is not None:
             code, values = function_parts(function)
             return joined("function", code.encode(errors="surrogatepass"), *self._named(values))
-        if isinstance(value, BuiltinFunctionType | np.ufunc):
-            return joined("function", library_name(value).encode())
         state, computed = object_state(value), getattr(kind, "computed_attributes", ())
         exact = self._named({name: each for name, each in state.items() if name not in computed})
         rounded = Digester(rounded=True)._named({name: each for name, each in state.items() if name in computed})
         return joined("object", self.digest(kind), *exact, *rounded)
 
-    def _array(self, value: Any) -> bytes:
-        array, shape = np.asarray(value), str(value.shape).encode()
-        large = array.dtype.kind in "iu" and np.any(np.abs(array.astype(float)) > EXACT)
-        if array.dtype.kind in "biuf" and not large:
-            return joined("array", shape, self._numbers(array))
-        if array.dtype.kind == "c":
-            return joined("complex", shape, self._numbers(array.real), self._numbers(array.imag))
-        content = self.digest(array.tolist()) if array.dtype.kind == "O" else array.tobytes()
-        return joined("items", shape, str(array.dtype).encode(), content)
-
-    def _numbers(self, array: np.ndarray) -> bytes:
-        """Return the bytes of numbers.
-
-        They are the same for all number types, for both zeros and for all NaNs.
-        """
-        numbers = np.array(array.astype("<f8") + 0.0)
-        numbers[np.isnan(numbers)] = np.nan
-        return np.ascontiguousarray(numbers.round(DECIMALS) + 0.0 if self.rounded else numbers).tobytes()
+    def _array(self, array: np.ndarray) -> bytes:
+        """Return the digest of an array; numbers that are equal in value have one, as both zeros."""
+        shape, kind = str(array.shape).encode(), array.dtype.kind
+        if kind == "O":
+            return joined("items", shape, self.digest(array.tolist()))
+        if kind == "f" or (kind in "biu" and array.size and np.abs(array.astype(float)).max() < EXACT):
+            numbers = array.astype("<f8").round(DECIMALS) if self.rounded else array.astype("<f8")
+            return joined("numbers", shape, (numbers + 0.0).tobytes())
+        return joined("items", shape, str(array.dtype).encode(), array.tobytes())
 
     def _named(self, values: Mapping[str, object]) -> Iterator[bytes]:
         """Yield digests of values with their names, in the order of names."""
@@ -265,51 +165,99 @@ class Digester:
             yield joined(name, self.digest(values[name]))
 
 
-def joined(label: str, *parts: bytes) -> bytes:
-    """Return the digest of parts under a label.
-
-    The boundaries between parts count.
-    """
-    digest = blake2b(label.encode(errors="surrogatepass") + b"\0", digest_size=32)
-    for part in parts:
-        digest.update(len(part).to_bytes(8, "little") + part)
-    return digest.digest()
+# The parts of a class and of its objects.
 
 
-# The fingerprint of a problem.
+OWNERS = ("self", "cls", "super()")  # an object in the code of its own methods
+CONSTRUCTION = ("__init__", "__post_init__", "__new__", "__init_subclass__")
+EVALUATING = frozenset(  # methods of a problem that a search calls
+    {"_evaluate", "evaluate", "__call__", "decode", "encode", "explain", "species", "sample_starts", "algorithm"}
+    | {"_calc_pareto_front", "_calc_pareto_set"}
+)
+PYMOO = "pymoo.core.problem"
+EVALUATION = frozenset(  # attributes that control how pymoo evaluates a problem; they do not define it
+    {"elementwise_func", "elementwise_runner", "requires_kwargs", "strict"}
+    | {"exclude_from_serialization", "callback", "cache"}
+)
 
 
-SCHEME = "3"  # version of the digests; it changes when digests are made in another way
-
-
-def fingerprint(problem: object) -> str:
-    """Return a problem's digest, "SCHEME:DIGEST".
-
-    The digest has everything that determines a problem's objectives from its genes. All attributes of the problem
-    count, field by field: arm, paths, limits, obstacles, and functions with their source, defaults, and values of
-    closures and globals. A user's own problem also counts by its class. Source counts without comments, layout,
-    annotations and documentation. If the source is missing, or is not the code that runs, the bytecode and Python's
-    version count instead. Installed libraries count by name. Values that problem and functions change during an
-    evaluation, such as counts and caches, do not count, and neither does the place of a file.
-
-    Two class attributes change this: ``computed_attributes`` follow from other attributes and are compared to 6
-    decimals, as processors differ in the last bits; ``search_attributes`` describe the search for solutions and do not
-    count. If refinement added samples to a problem, its fingerprint is that of ``finer_than``, the user's problem.
-    """
-    given = getattr(problem, "finer_than", None)
-    return f"{SCHEME}:{Digester().digest(problem if given is None else given).hex()}"
-
-
-def check_fingerprint(problem: object, stored: object, *, wish: str) -> None:
-    """Raise InvalidInput unless a problem has the stored fingerprint.
-
-    The message begins with ``wish``. A fingerprint of another scheme comes from another version of paretoik and cannot
-    be compared.
-    """
-    if not isinstance(stored, str) or not stored.startswith(f"{SCHEME}:"):
-        raise InvalidInput(
-            f"{wish}, got a run of another version of paretoik, whose fingerprints cannot be compared: whether it is "
-            "of this problem is not known"
+def class_parts(kind: type) -> dict[str, object]:
+    """Return the parts of a class: a library's name; a user's fields, bases, methods and attributes."""
+    if is_library(kind.__module__):
+        return {"name": library_name(kind)}
+    parts: dict[str, object] = {"name": kind.__name__, "bases": [base for base in kind.__bases__ if base is not object]}
+    if is_dataclass(kind):
+        for each in fields(kind):
+            default = each.default_factory if each.default is MISSING else each.default
+            parts[f"field {each.name}"] = None if default is MISSING else default
+    if issubclass(kind, Enum):
+        return parts | {"members": {name: member.value for name, member in kind.__members__.items()}}
+    hidden = _state_names(kind) | {"_abc_impl"}
+    for name, value in vars(kind).items():
+        function = underlying(value)
+        file = "" if function is None else function.__code__.co_filename
+        is_written = (
+            function is not None and not is_library(function.__module__, file) and not file.startswith("<string>")
         )
-    if fingerprint(problem) != stored:
-        raise InvalidInput(f"{wish}, got one whose fingerprint is another")
+        slot = isinstance(value, MemberDescriptorType | GetSetDescriptorType)
+        if not slot and name not in hidden and (not name.startswith("__") or is_written):
+            parts[f"attribute {name}"] = value
+    return parts
+
+
+def object_state(value: Any) -> Mapping[str, object]:
+    """Return the defining attributes of an object by name, without values computed from them later.
+
+    Data classes count by their fields; objects of users, paretoik's objects and pymoo problems by their attributes,
+    except those that an evaluation writes; library objects by the parts that pickle takes.
+    """
+    kind = type(value)
+    if is_dataclass(kind):
+        return {each.name: getattr(value, each.name) for each in fields(kind) if hasattr(value, each.name)}
+    is_problem = any(base.__module__ == PYMOO for base in kind.__mro__)
+    if is_library(kind.__module__) and kind.__module__.partition(".")[0] != OURS and not is_problem:
+        try:
+            reduced = value.__reduce_ex__(4)
+        except Exception:  # a lock, a file, a pool: these do not define a problem
+            return {}
+        parts = [reduced] if isinstance(reduced, str) else reduced
+        return {str(k): list(each) if isinstance(each, Iterator) else each for k, each in enumerate(parts)}
+    hidden = {name for base in kind.__mro__ for name, item in vars(base).items() if isinstance(item, cached_property)}
+    hidden |= _state_names(kind) | set(getattr(kind, "search_attributes", ()))
+    hidden |= EVALUATION if is_problem else set()
+    names = [*getattr(value, "__dict__", ()), *copyreg._slotnames(kind)]  # type: ignore[attr-defined]  # as pickle has it
+    return {name: getattr(value, name) for name in names if name not in hidden and hasattr(value, name)}
+
+
+def _state_names(kind: type) -> set[str]:
+    """Return attributes that a user's methods write after construction: counts, caches and progress.
+
+    If the class can be evaluated, only methods called by an evaluation count, otherwise all methods.
+    """
+    nodes = dict[str, Function]()
+    for base in reversed(kind.__mro__):
+        for name, value in vars(base).items() if not is_library(base.__module__) else ():
+            function = underlying(value.fget if isinstance(value, property) else getattr(value, "func", value))
+            node = None if function is None else syntax_of(function)
+            if node is not None:
+                nodes[name] = node
+    evaluates = "_evaluate" in nodes or "__call__" in nodes
+    late = _reachable(nodes, EVALUATING) if evaluates else set(nodes)  # users call setters, so these define the problem
+    classes = {base.__name__ for base in kind.__mro__}
+    return {
+        attribute
+        for name in late - _reachable(nodes, CONSTRUCTION)
+        for owner, attribute in written_places(nodes[name])
+        if attribute is not None and owner in {*OWNERS, *classes}
+    }
+
+
+def _reachable(nodes: Mapping[str, Function], names: Iterable[str]) -> set[str]:
+    """Return these methods and those that they call by their own object or ``super()``."""
+    reached, pending = set[str](), [name for name in names if name in nodes]
+    while pending:
+        name = pending.pop()
+        reached.add(name)
+        used = [each for each in ast.walk(nodes[name]) if isinstance(each, ast.Attribute)]
+        pending += {each.attr for each in used if ast.unparse(each.value) in OWNERS} & nodes.keys() - reached
+    return reached

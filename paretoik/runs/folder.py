@@ -25,10 +25,7 @@ PART = f"{FORMER}.part"
 
 
 def set_aside(folder: Path) -> None:
-    """Move the run in a folder into `.former-run` within it.
-
-    A run without result that cannot resume is removed instead.
-    """
+    """Move the run in a folder into `.former-run` within it, or remove one without result that cannot resume."""
     if has_result(folder) or can_resume(folder):
         part = folder / PART
         part.mkdir()
@@ -38,10 +35,7 @@ def set_aside(folder: Path) -> None:
 
 
 def settle(folder: Path) -> bool:
-    """Remove or restore the run set aside; return whether it was restored.
-
-    It is removed if the new run has a result, else restored.
-    """
+    """Remove the run set aside if the new one has a result, else restore it; return whether it was restored."""
     former, part = folder / FORMER, folder / PART
     if former.is_dir():
         if has_result(folder):
@@ -132,20 +126,16 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
 
 
 def _check_replaceable(place: Path, *, overwrite: bool) -> None:
-    """Raise InvalidInput for a run that needs permission to overwrite.
-
-    These runs have a result, or can resume.
-    """
+    """Raise InvalidInput for a run that needs permission to overwrite. These runs have a result, or can resume."""
     if not overwrite and (has_result(place) or was_cut_off(place)):
         raise InvalidInput(f"{place} must be a new folder, got one that holds a run; use --overwrite to replace it")
 
 
 @contextmanager
 def lock_folder(place: Path) -> Iterator[Path]:
-    """Lock a folder while the body runs: empty or with a run.
+    """Lock a folder, empty or with a run, while the body runs; warn if a killed process's run is restored.
 
-    Warns if it restores a run that a killed process was to replace. Raises InvalidInput if the folder cannot be locked,
-    or another process is writing into it.
+    Raises InvalidInput if the folder cannot be locked, or another process is writing into it.
     """
     with _locked(place):
         with _refusal(place), only_writer(place):
@@ -157,10 +147,9 @@ def lock_folder(place: Path) -> Iterator[Path]:
 
 @contextmanager
 def reclaim_folder(place: Path) -> Iterator[Path]:
-    """Lock the folder of a resumed run, with all files there.
+    """Lock the folder of a resumed run, with all files there; a result removes the run that it replaces.
 
-    The former run that it replaces is removed if the body ends with a result, else kept. Raises InvalidInput if the
-    folder cannot be locked, or another process is writing into it.
+    Raises InvalidInput if the folder cannot be locked, or another process is writing into it.
     """
     with _locked(place):
         try:
@@ -173,10 +162,7 @@ def reclaim_folder(place: Path) -> Iterator[Path]:
 
 @contextmanager
 def _locked(place: Path) -> Iterator[None]:
-    """Lock the folder of a run, or an empty one.
-
-    Raises InvalidInput for other folders.
-    """
+    """Lock the folder of a run, or an empty one. Raises InvalidInput for other folders."""
     with _refusal(place):
         names = sorted(entry.name for entry in place.iterdir())
     others = [name for name in names if not name.startswith((LOCK, f".{RUN}.", FORMER, SAVED))]
@@ -188,10 +174,7 @@ def _locked(place: Path) -> Iterator[None]:
 
 @contextmanager
 def _lock(place: Path) -> Iterator[None]:
-    """Lock a run's folder; the lock file names the process.
-
-    The lock ends with the process.
-    """
+    """Lock a run's folder; the lock file names the process. The lock ends with the process."""
     with _refusal(place):
         file = (place / LOCK).open("a+b")
     with file as lock:
@@ -221,9 +204,6 @@ def check_no_run(folder: Path) -> None:
 
 
 def check_other_folder(name: str, folder: Path, *sources: Path | None) -> None:
-    """Raise InvalidInput, with ``name``, if a folder is one of its sources.
-
-    The new content of the folder would come from itself.
-    """
+    """Raise InvalidInput, with ``name``, if a folder is a source, as its content would come from itself."""
     if any(source is not None and source.resolve() == folder.resolve() for source in sources):
         raise InvalidInput(f"{name} must not be the folder of the source run, got {folder}")

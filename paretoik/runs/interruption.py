@@ -39,10 +39,7 @@ class TimeLimit:
 
     @contextmanager
     def limiting_calls(self, end: Callable[[], object] = bool) -> Iterator[None]:
-        """End users' calls in the body after the limit.
-
-        They raise Interrupted, after a call of ``end()``.
-        """
+        """End users' calls in the body after the limit. They raise Interrupted, after a call of ``end()``."""
         if self.seconds is None:
             yield
             return
@@ -63,10 +60,7 @@ _TIME_LIMIT: list[TimeLimit] = []  # active limits, from the outermost to the in
 
 
 def check_time_limit(seconds: float | None) -> None:
-    """Raise InvalidInput unless the limit is a positive number or None.
-
-    A number is valid only in the main thread.
-    """
+    """Raise InvalidInput unless the limit is a positive number or None. A number is valid only in the main thread."""
     if seconds is None:
         return
     positive_number("time_limit", seconds, "s")
@@ -76,10 +70,7 @@ def check_time_limit(seconds: float | None) -> None:
 
 @contextmanager
 def time_limit(seconds: float | None) -> Iterator[TimeLimit]:
-    """Ask the body to stop after this many seconds.
-
-    None sets no limit. Raises as ``check_time_limit`` does.
-    """
+    """Ask the body to stop after this many seconds. None sets no limit. Raises as ``check_time_limit`` does."""
     check_time_limit(seconds)
     limit = TimeLimit(seconds=seconds)
     if seconds is None:
@@ -115,19 +106,15 @@ def time_limit(seconds: float | None) -> Iterator[TimeLimit]:
 
 
 def time_is_up() -> bool:
-    """Return whether a signal came or an active time limit was reached.
-
-    A limit also counts as reached if only its reserved time is left.
-    """
+    """Return whether a signal came, or an active time limit or its part before reserved time was reached."""
     return bool(STOP[0]) or any(limit.reached for limit in _TIME_LIMIT)
 
 
 @contextmanager
 def limited_evaluations(seconds: float | None, *, allowed: float = inf) -> Iterator[None]:
-    """End calls of users' functions in the body after a time.
+    """End calls of users' functions in the body after a time by EvaluationFailed; None sets no limit.
 
-    The call raises EvaluationFailed; None sets no limit. After ``allowed`` such calls the next one raises Interrupted,
-    with the reason.
+    After ``allowed`` such calls the next one raises Interrupted, with the reason.
     """
     if seconds is None:
         yield
@@ -149,10 +136,9 @@ def limited_evaluations(seconds: float | None, *, allowed: float = inf) -> Itera
 
 @contextmanager
 def reserve_time(share: float, longest: float) -> Iterator[None]:
-    """Ask the body to stop earlier, to reserve time after it.
+    """Ask the body to stop earlier: a ``share`` of the active time limit, at most ``longest`` [s], is reserved.
 
-    The reserved time is a ``share`` of the active time limit, at most ``longest`` [s]. The limit then counts as
-    reached. Without a limit the body runs freely.
+    The limit then counts as reached. Without a limit the body runs freely.
     """
     if not _TIME_LIMIT or _TIME_LIMIT[-1].remaining <= 0:
         yield
@@ -186,10 +172,9 @@ _ACTIVE: list[Interruption] = []  # one at most: signals belong to the process
 
 @contextmanager
 def _watching() -> Iterator[None]:
-    """Set the stop flag at once when a signal comes.
+    """Set the stop flag at once when a signal comes, even while compiled code runs in the main thread.
 
-    This works even while compiled code runs in the main thread. Python calls handlers only between its own
-    instructions, but writes the number of a signal into a socket at once.
+    Python calls handlers only between its own instructions, but writes the number of a signal into a socket at once.
     """
 
     def watch() -> None:

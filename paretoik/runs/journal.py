@@ -40,10 +40,9 @@ Compute: TypeAlias = Callable[[], Values]
 
 
 class Journal:
-    """The journal in a file, which is made if it is missing.
+    """The journal in a file, which is made if it is missing; the caller must hold the lock of its folder.
 
-    The caller must hold the lock of its folder. Warns of damaged frames. Raises InvalidRun if the file is no journal,
-    InvalidInput if the system refuses it.
+    Warns of damaged frames. Raises InvalidRun if the file is no journal, InvalidInput if the system refuses it.
     """
 
     def __init__(self, file: Path) -> None:
@@ -55,12 +54,27 @@ class Journal:
         with refusal(f"{file} must be writable"):
             file.parent.mkdir(parents=True, exist_ok=True)
             self._descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
-        try:
-            self._read()
-        except BaseException:
-            os.close(self._descriptor)
-            raise
         self._synced = time.monotonic()
+        size, damaged = os.fstat(self._descriptor).st_size, 0
+        if not size:
+            return
+        # Find all intact frames; cut off everything after the last one.
+        with mmap.mmap(self._descriptor, size, access=mmap.ACCESS_READ) as content:
+            place = content.find(MARK)
+            while place >= 0 and place + HEAD.size <= size:
+                _, key, length, digest = HEAD.unpack_from(content, place)
+                begin = place + HEAD.size
+                if length <= size - begin and digest == _digest(key, content[begin : begin + length]):
+                    self._places[key] = (begin, length)
+                    damaged += place - self._end
+                    self._end = begin + length
+                place = content.find(MARK, max(self._end, place + 1))
+            if not self._places and content[: len(MARK)] != MARK[:size]:
+                os.close(self._descriptor)
+                raise InvalidRun(f"{file} must be the journal of a run, got something else")
+        os.ftruncate(self._descriptor, self._end)
+        if damaged:
+            warn_user(f"{file}: {damaged} of {size} bytes are damaged; their content is computed again")
 
     @property
     def keys(self) -> Collection[bytes]:
@@ -77,10 +91,7 @@ class Journal:
         return {str(name): read_array(payload, allow_pickle=False) for name in names}
 
     def append(self, key: bytes, values: Values) -> None:
-        """Append values under a key.
-
-        If the disk is full, a warning says that no more values are kept, and the run continues.
-        """
+        """Append values under a key; on a full disk a warning says that no more are kept, and the run continues."""
         with self._lock:
             if self._is_full or key in self._places:
                 return
@@ -114,37 +125,13 @@ class Journal:
             os.fsync(self._descriptor)
             self._synced = time.monotonic()
 
-    def _read(self) -> None:
-        """Find all intact frames; cut off everything after the last one."""
-        size, damaged = os.fstat(self._descriptor).st_size, 0
-        if not size:
-            return
-        with mmap.mmap(self._descriptor, size, access=mmap.ACCESS_READ) as content:
-            place = content.find(MARK)
-            while place >= 0 and place + HEAD.size <= size:
-                _, key, length, digest = HEAD.unpack_from(content, place)
-                begin = place + HEAD.size
-                if length <= size - begin and digest == _digest(key, content[begin : begin + length]):
-                    self._places[key] = (begin, length)
-                    damaged += place - self._end
-                    self._end = begin + length
-                place = content.find(MARK, max(self._end, place + 1))
-            if not self._places and content[: len(MARK)] != MARK[:size]:
-                raise InvalidRun(f"{self._file} must be the journal of a run, got something else")
-        os.ftruncate(self._descriptor, self._end)
-        if damaged:
-            warn_user(f"{self._file}: {damaged} of {size} bytes are damaged; their content is computed again")
-
 
 _ACTIVE: list[Journal] = []  # one at most: a process computes one run at a time
 
 
 @contextmanager
 def journalled(file: Path | None) -> Iterator[Journal | None]:
-    """Use the journal in a file while the body runs.
-
-    None uses no journal. Within another journal's body, that one is used. Raises as ``Journal`` does.
-    """
+    """Use the journal in a file, None for no journal, while the body runs; within another's body that one is used."""
     if file is None or _ACTIVE:
         yield None
         return
@@ -192,18 +179,12 @@ def remembered(key: bytes | None, compute: Compute) -> Values:
 
 
 def recalled(key: bytes) -> Values | None:
-    """Return a key's values from the journal, or None.
-
-    None also if no journal is used.
-    """
+    """Return a key's values from the journal, None without a journal or values."""
     return _ACTIVE[0].get(key) if _ACTIVE else None
 
 
 def key_of(kind: str, *inputs: object) -> bytes:
-    """Return the digest of inputs.
-
-    Arrays count by type, shape and bits, others by their text.
-    """
+    """Return the digest of inputs. Arrays count by type, shape and bits, others by their text."""
     digest = hashlib.sha256(kind.encode())
     for each in inputs:
         if isinstance(each, np.ndarray):

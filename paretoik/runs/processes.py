@@ -36,10 +36,7 @@ STARTED = -1  # sent in place of an item's place: the items of a message are sta
 
 
 class Work(NamedTuple):
-    """A message to a worker: items, function and shared object.
-
-    The items have their places. The shared object is sent only if it is new.
-    """
+    """A message to a worker: function, items with their places, and the shared object if it is new."""
 
     function: bytes
     shared: bytes | None
@@ -77,10 +74,7 @@ def main() -> None:
 
 
 def _receive(connection: Connection, received: SimpleQueue[bytes]) -> None:
-    """Receive messages immediately; end this process when the parent has ended.
-
-    The parent then never waits to send.
-    """
+    """Receive messages immediately; end this process when the parent has ended. The parent then never waits to send."""
     try:
         while True:
             received.put(connection.recv_bytes())
@@ -158,11 +152,7 @@ class _Worker:
 
 
 class WorkerProcesses:
-    """A number of worker processes on this machine.
-
-    They end when this object is closed, or with this process. Raises InvalidInput if ``workers`` is not a valid number
-    of workers.
-    """
+    """A number of worker processes on this machine, which end when this object is closed, or with this process."""
 
     def __init__(self, workers: int) -> None:
         check_size("workers", workers, 1)
@@ -182,9 +172,7 @@ class WorkerProcesses:
     def replies(
         self, function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None = None
     ) -> Iterator[tuple[int, Reply]]:
-        """Yield the place and reply of each item, in order of arrival.
-
-        An item that takes longer than ``seconds`` is lost.
+        """Yield the place and reply of each item as they arrive; an item is lost if it takes longer than ``seconds``.
 
         Raises Interrupted soon after a signal; SolverFailed if workers end before they compute.
         """
@@ -219,7 +207,15 @@ class _Round:
                 raise Interrupted
             # Start workers that are missing, and give work to idle ones.
             while len(self.processes) < self.workers:
-                self.processes.append(_start())
+                ours, theirs = socket.socketpair()
+                with theirs:
+                    process = subprocess.Popen(
+                        child_command("paretoik.runs.processes", str(theirs.fileno())),
+                        stdin=subprocess.DEVNULL,
+                        pass_fds=(theirs.fileno(),),
+                        env={**os.environ, **ONE_THREAD},
+                    )
+                self.processes.append(_Worker(process=process, connection=Connection(ours.detach())))
             for worker in self.processes:
                 if self.pending and not worker.places:
                     self._give(worker)
@@ -250,10 +246,7 @@ class _Round:
             worker.connection.send_bytes(pickled("an item", tuple(work)))
 
     def _received(self, worker: _Worker) -> Iterator[tuple[int, Reply]]:
-        """Yield a worker's replies; if it has ended, requeue its items.
-
-        The item that it was computing is lost if too many workers ended on it.
-        """
+        """Yield a worker's replies; if it has ended, requeue its items, but not one that ended too many workers."""
         try:
             place, reply = cloudpickle.loads(worker.connection.recv_bytes())
         except (EOFError, OSError):
@@ -283,23 +276,8 @@ class _Round:
         return worker.end()
 
     def _lost(self, worker: _Worker, cause: str) -> tuple[int, Reply]:
-        """Return the current item of an ended worker as lost.
-
-        Its other items are requeued.
-        """
+        """Return the current item of an ended worker as lost. Its other items are requeued."""
         place = worker.places.popleft()
         self.pending.extendleft(reversed(worker.places))
         self.answered += 1
         return place, Lost(cause=cause)
-
-
-def _start() -> _Worker:
-    ours, theirs = socket.socketpair()
-    with theirs:
-        process = subprocess.Popen(
-            child_command("paretoik.runs.processes", str(theirs.fileno())),
-            stdin=subprocess.DEVNULL,
-            pass_fds=(theirs.fileno(),),
-            env={**os.environ, **ONE_THREAD},
-        )
-    return _Worker(process=process, connection=Connection(ours.detach()))

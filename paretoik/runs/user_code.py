@@ -1,4 +1,4 @@
-"""Parts of a function: its source and its outside values."""
+"""A user's code: its origin, the syntax that runs, and the outside values of a function."""
 
 from __future__ import annotations
 import __future__
@@ -11,15 +11,14 @@ import sys
 import sysconfig
 from collections.abc import Iterator
 from functools import lru_cache
-from types import CodeType, FunctionType, ModuleType
+from types import CellType, CodeType, FunctionType, ModuleType
 from typing import Any, TypeAlias
 
 # Origin of code: a library, identified by name, or a user, whose source is read.
 
 
 OURS = "paretoik"
-INSTALLED = ("/site-packages/", "/dist-packages/")
-PYTHON = (sysconfig.get_path("stdlib"), "<frozen ")
+LIBRARIES = ("/site-packages/", "/dist-packages/", sysconfig.get_path("stdlib"), "<frozen ")  # parts of their places
 
 
 def is_library(module: str | None, file: str | None = None) -> bool:
@@ -30,27 +29,26 @@ def is_library(module: str | None, file: str | None = None) -> bool:
     name = module or ""
     if name.partition(".")[0] in {OURS, "builtins", *sys.stdlib_module_names}:
         return True
-    place = file or getattr(sys.modules.get(name), "__file__", None)
-    if place is None:
-        return False
-    return place.startswith(PYTHON) or any(folder in place.replace("\\", "/") for folder in INSTALLED)
-
-
-def is_library_module(module: ModuleType) -> bool:
-    """Return whether a module is a library's."""
-    return is_library(module.__name__, getattr(module, "__file__", None))
+    place = file or getattr(sys.modules.get(name), "__file__", None) or ""
+    return any(part in place for part in LIBRARIES)
 
 
 def library_name(value: Any) -> str:
-    """Return the name of a library's function or class.
-
-    The name excludes the module that defines it.
-    """
+    """Return the name of a library's function or class, without the module that defines it."""
     package = str(getattr(value, "__module__", None) or "").partition(".")[0]
     return f"{package}:{getattr(value, '__qualname__', type(value).__qualname__)}"
 
 
-# Syntax of running code: taken from the source if that is unchanged, without the parts that compute nothing.
+def underlying(value: Any) -> FunctionType | None:
+    """Return the Python function that a value is, or was compiled or wrapped from; None for others."""
+    for _ in range(100):  # wrappers may be nested
+        if isinstance(value, FunctionType):
+            return value
+        value = next((getattr(value, name) for name in ("__wrapped__", "py_func") if hasattr(value, name)), None)
+    return None
+
+
+# Syntax of running code, without comments, layout, annotations and documentation.
 
 
 MUTATING = frozenset(
@@ -58,8 +56,6 @@ MUTATING = frozenset(
     | {"pop", "popleft", "popitem", "clear", "remove", "discard"}
 )  # methods of Python's containers
 Function: TypeAlias = ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda
-Place: TypeAlias = tuple[str, str | None]
-"""A name and the meant attribute of it, None for the name itself."""
 
 
 class _Bare(ast.NodeTransformer):
@@ -78,28 +74,17 @@ class _Bare(ast.NodeTransformer):
 
 
 def syntax_of(function: FunctionType) -> Function | None:
-    """Return a function's bare syntax, None if its source is not usable.
-
-    The file cannot be read, or its compiled source differs from the running code.
-    """
+    """Return a function's bare syntax; None if its source is missing, or compiles to other code than runs."""
     code = function.__code__
     source = "".join(linecache.getlines(code.co_filename, function.__globals__))
     codes, starts = _parse(source, code.co_filename, code.co_flags & __future__.annotations.compiler_flag)
     nodes = starts.get((code.co_name, code.co_firstlineno), []) if code in codes else []
-    if len(nodes) > 1:  # several lambdas in one line
-        spans = set(code.co_positions())
-        bodies = [node.body for node in nodes if isinstance(node, ast.Lambda)]
-        places = [(each.lineno, each.end_lineno, each.col_offset, each.end_col_offset) for each in bodies]
-        nodes = [node for node, place in zip(nodes, places, strict=False) if place in spans]
-    return nodes[0] if len(nodes) == 1 else None
+    return nodes[0] if len(nodes) == 1 else None  # of several lambdas in one line the bytecode counts
 
 
 @lru_cache(maxsize=32)
 def _parse(source: str, file: str, flags: int) -> tuple[set[CodeType], dict[tuple[str, int], list[Function]]]:
-    """Return a source's code objects, and functions by name and first line.
-
-    Both are empty if the source is not valid Python.
-    """
+    """Return a source's code objects, and functions by name and first line; both are empty if it is not Python."""
     try:
         code = compile(source, file, "exec", flags=flags, dont_inherit=True)
         tree = ast.parse(source)
@@ -113,58 +98,40 @@ def _parse(source: str, file: str, flags: int) -> tuple[set[CodeType], dict[tupl
             first = min([node.lineno, *(each.lineno for each in node.decorator_list)])
             starts.setdefault((node.name, first), []).append(node)
     _Bare().visit(tree)
-    return set(nested_codes(code)), starts
+    return set(_nested(code)), starts
 
 
-def nested_codes(code: CodeType) -> Iterator[CodeType]:
+def _nested(code: CodeType) -> Iterator[CodeType]:
     """Yield a code object and all nested ones."""
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
-            yield from nested_codes(constant)
+            yield from _nested(constant)
 
 
-def _text(node: Function) -> str:
-    """Return a function's source in a standard layout.
+def written_places(node: Function) -> set[tuple[str, str | None]]:
+    """Return the places that a function changes outside its local variables: a name, and its attribute or None.
 
-    Name, decorators and defaults are left out, since their values are known.
+    Assigned or deleted items count too, and calls of methods that change Python's containers. Values changed by a call
+    are the state of a computation, a cache or a count, and do not define the function.
     """
-    bare: Any = copy.copy(node)
-    bare.args = copy.copy(node.args)
-    bare.args.defaults, bare.args.kw_defaults = [], [None] * len(node.args.kwonlyargs)
-    if not isinstance(node, ast.Lambda):
-        bare.name, bare.decorator_list = "_", []
-    return ast.unparse(bare)
-
-
-def written_places(node: Function) -> set[Place]:
-    """Return the places that a function changes outside its local variables.
-
-    These are names, and attributes of names. Assigned or deleted items count too, and calls of methods that change
-    Python's containers. Values changed by a call are the state of a computation, a cache or a count, and do not define
-    the function.
-    """
-    places = set[Place]()
+    places: list[ast.expr] = []
+    written = set[tuple[str, str | None]]()
     for each in ast.walk(node):
         if isinstance(each, ast.Global | ast.Nonlocal):
-            places |= {(name, None) for name in each.names}
+            written |= {(name, None) for name in each.names}
         elif isinstance(each, ast.Attribute | ast.Subscript) and not isinstance(each.ctx, ast.Load):
-            places.add(_place(each))
+            places.append(each)
         elif isinstance(each, ast.Call) and isinstance(each.func, ast.Attribute) and each.func.attr in MUTATING:
-            places.add(_place(each.func.value))
-    return {(name, attribute) for name, attribute in places if name}
-
-
-def _place(node: ast.expr) -> Place:
-    """Return the name, and its attribute, that an expression starts from.
-
-    If the expression starts from no name, the name is "".
-    """
-    attribute = None
-    while isinstance(node, ast.Attribute | ast.Subscript | ast.Starred):
-        attribute = node.attr if isinstance(node, ast.Attribute) else attribute
-        node = node.value
-    return (node.id if isinstance(node, ast.Name) else ""), attribute
+            places.append(each.func.value)
+    for place in places:
+        attribute = None
+        while isinstance(place, ast.Attribute | ast.Subscript | ast.Starred):
+            attribute = place.attr if isinstance(place, ast.Attribute) else attribute
+            place = place.value
+        if isinstance(place, ast.Name):
+            written.add((place.id, attribute))
+    return written
 
 
 # The parts of a function.
@@ -173,74 +140,56 @@ def _place(node: ast.expr) -> Place:
 def function_parts(function: FunctionType) -> tuple[str, dict[str, object]]:
     """Return a function's code as text, and its outside values by name.
 
-    These are its defaults, closure and attributes, and the globals that it reads. Values that it changes, such as its
-    own cache, are left out.
+    These are its defaults, closure and attributes, and the globals that it reads, without values that it changes. A
+    library's function has its name in place of code. If the source is missing, the text is the bytecode.
     """
-    code, module_globals = function.__code__, function.__globals__
+    code, names = function.__code__, function.__globals__
     if is_library(function.__module__, code.co_filename):
-        bare = inspect.unwrap(function)  # a user's wrapper for type checks does not count
-        return library_name(bare), _closure(bare)
+        function = inspect.unwrap(function)  # a user's wrapper for type checks does not count
+        return library_name(function), _closure(function)
     node = syntax_of(function)
     written = set() if node is None else written_places(node)
-    positional = code.co_varnames[: code.co_argcount]
-    defaults = function.__defaults__ or ()
-    defaults_by_name = dict(zip(positional[len(positional) - len(defaults) :], defaults, strict=True))
-    values = _closure(function) | {
-        f"default {name}": value for name, value in (defaults_by_name | (function.__kwdefaults__ or {})).items()
-    }
-    values = {label: value for label, value in values.items() if (label.partition(" ")[2], None) not in written}
+    parameters = inspect.signature(function, follow_wrapped=False).parameters.values()
+    values = _closure(function) | {each.name: each.default for each in parameters if each.default is not each.empty}
+    read = {name for each in _nested(code) for name in each.co_names}
+    loaded = read & names.keys()
+    if node is not None:  # names of attributes are no globals
+        loaded &= {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
+    for name in loaded:
+        values |= _reached(name, names[name], read)
+    values = {name: value for name, value in values.items() if (name, None) not in written}
     values |= {
         f"attribute {name}": value
         for name, value in vars(function).items()
         if name != "__wrapped__" and (function.__name__, name) not in written
     }
-    loaded = {name for each in nested_codes(code) for name in each.co_names} & module_globals.keys()
-    if node is not None:
-        loaded &= {each.id for each in ast.walk(node) if isinstance(each, ast.Name)} - {name for name, _ in written}
-    for name in loaded:
-        values |= _reached(f"global {name}", module_globals[name], code)
-    return _bytecode(code) if node is None else _text(node), values
+    if node is None:
+        return _bytecode(code), values
+    # The source in a standard layout, without name, decorators and defaults.
+    bare: Any = copy.copy(node)
+    bare.args = copy.copy(node.args)
+    bare.args.defaults, bare.args.kw_defaults = [], [None] * len(node.args.kwonlyargs)
+    if not isinstance(node, ast.Lambda):
+        bare.name, bare.decorator_list = "_", []
+    return ast.unparse(bare), values
 
 
 def _closure(function: FunctionType) -> dict[str, object]:
-    values = dict[str, object]()
-    for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
-        try:
-            values[f"closure {name}"] = cell.cell_contents
-        except ValueError:  # the variable has no value yet
-            values[f"closure {name}"] = "empty"
-    return values
+    cells = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
+    return {name: cell.cell_contents for name, cell in cells.items() if cell != CellType()}
 
 
-def _reached(label: str, value: object, code: CodeType) -> dict[str, object]:
-    """Return a global value by its label.
-
-    For a user's module the attributes that the code may read are returned.
-    """
-    if not isinstance(value, ModuleType) or is_library_module(value):
+def _reached(label: str, value: object, read: set[str]) -> dict[str, object]:
+    """Return a global value by its label; for a user's module its attributes that are ``read``."""
+    if not isinstance(value, ModuleType) or is_library(value.__name__):
         return {label: value}
     values = dict[str, object]()
-    for name in {name for each in nested_codes(code) for name in each.co_names} & vars(value).keys():
-        values |= _reached(f"{label}.{name}", vars(value)[name], code)
+    for name in read & vars(value).keys():
+        values |= _reached(f"{label}.{name}", vars(value)[name], read)
     return values
 
 
 def _bytecode(code: CodeType) -> str:
-    """Return code as text if its source is missing.
-
-    The text depends on the version of Python.
-    """
+    """Return code as text, which depends on the version of Python."""
     constants = [_bytecode(each) if isinstance(each, CodeType) else repr(each) for each in code.co_consts]
     return f"{sys.version_info[:2]} {code.co_code.hex()} {code.co_names} {code.co_varnames} {constants}"
-
-
-def underlying(value: Any) -> FunctionType | None:
-    """Return the Python function behind a value, None for others.
-
-    The value is this function, or was compiled or wrapped from it.
-    """
-    for _ in range(100):  # wrappers may be nested
-        if isinstance(value, FunctionType):
-            return value
-        value = next((getattr(value, name) for name in ("__wrapped__", "py_func") if hasattr(value, name)), None)
-    return None

@@ -80,7 +80,7 @@ import json, sys, time
 from pathlib import Path
 import paretoik as pk
 from paretoik.api.session import Session
-from paretoik.api.search_front import FrontSearch
+from paretoik.api.solve import FrontSearch
 from paretoik.review.recording.recorder import Recorder
 from pymoo.problems import get_problem
 

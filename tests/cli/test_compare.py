@@ -17,20 +17,6 @@ def test_compare_prints_tables_draws_and_keeps_the_merged_front(paretoik, finish
     assert paretoik(*words, "--overwrite").code == 0
 
 
-def test_a_picture_replaces_a_picture_and_nothing_else_unless_told(paretoik, finished, tmp_path):
-    picture = tmp_path / "fronts.png"
-    picture.write_text("mine")
-    choices = pk.Front.load(finished).choices
-    words = "compare", finished, finished, "--picture"
-    for file in (picture, finished / "run.json", finished):
-        assert paretoik(*words, file).code == 2
-    assert paretoik("select", finished, "--knee", "--picture", picture).code == 2
-    assert pk.Front.load(finished).choices == choices
-    assert picture.read_text() == "mine"
-    assert paretoik(*words, picture, "--overwrite").code == 0
-    assert paretoik(*words, picture).code == 0
-
-
 def test_compare_as_json_holds_the_numbers(paretoik, finished):
     said = strict(paretoik("compare", finished, finished, "--json").out)
     assert said["hypervolume"] == [1.0, 1.0]

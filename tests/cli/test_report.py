@@ -26,9 +26,3 @@ def test_a_page_replaces_a_page_and_nothing_else_unless_told(paretoik, finished,
     for more in ("--overwrite", "--json"):
         assert paretoik(*words, notes, more).code == 0
     assert strict(paretoik(*words, notes, "--json").out) == {"out": str(notes)}
-
-
-def test_a_folder_that_is_no_run_is_refused(paretoik, tmp_path):
-    ended = paretoik("report", tmp_path)
-    assert ended.code == 2
-    assert "must be a plain file, got no such file" in ended.err

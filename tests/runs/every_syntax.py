@@ -127,4 +127,4 @@ class Mine(Base):
         return __class__, self.double(x)
 
 
-EVERYTHING = [cost, factory(1.5), [lambda x: x + 1, lambda x: x * 2], partial(helper, 3.0), Mine(), WEIGHTS, Color.RED]
+EVERYTHING = [cost, factory(1.5), lambda x: x + 1, partial(helper, 3.0), Mine(), WEIGHTS, Color.RED]

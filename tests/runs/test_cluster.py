@@ -17,7 +17,7 @@ from paretoik.runs.distribution import Done, Lost, Raised
 from paretoik.runs.machine import processor
 from studies.benchmarks.scaling.local_cluster import local_cluster
 from tests.runs import work
-from tests.runs.test_processes import check_that_a_signal_ends, is_alive, values, wait_until
+from tests.runs.test_processes import check_that_a_signal_ends, values, wait_until
 
 pytest.importorskip("distributed", reason="Dask is not installed: pip install paretoik[cluster]")
 pytestmark = pytest.mark.filterwarnings("ignore:cluster. no worker at .* is waited for")
@@ -181,21 +181,3 @@ def test_a_scheduler_that_comes_back_is_given_what_is_left(tmp_path):
             rest = values(replies)
         assert len(rest) == 29
         assert first.value not in set(rest.values())
-
-
-@pytest.mark.slow
-def test_a_worker_that_freezes_is_left_out_and_others_do_its_work(tmp_path):
-    options = replace(OPTIONS, watch=0.2, frozen=3.0)
-    with local_cluster(tmp_path, 2) as half, closing(Cluster(half.address, options)) as cluster:
-        assert wait_until(lambda: len(cluster.client.nthreads()) == 2, 60.0)
-        processes = sorted(set(values(cluster.replies(work.process, None, range(40))).values()))
-        replies = cluster.replies(work.slow_process, None, range(40))
-        next(replies)
-        os.kill(processes[0], signal.SIGSTOP)
-        try:
-            with pytest.warns(RuntimeWarning, match=r"cluster: the worker at tcp://.* was silent for 3 s and is left"):
-                rest = values(replies)
-        finally:
-            os.kill(processes[0], signal.SIGCONT)
-        assert len(rest) == 39
-        assert is_alive(processes[1])

@@ -40,8 +40,3 @@ def test_a_cluster_of_which_nothing_came_leaves_unknown_how_a_run_is_reproducibl
     entry = computed({"by": [{"by": "Dask cluster", "processor": HERE, "machines": []}]})
     assert entry["reproducible"] == "unknown"
     assert "unknown" in computed_text(entry)
-
-
-def test_a_run_of_before_says_nothing():
-    assert computed_text(None) == ""
-    assert computed(None)["by"] == [ALONE]

@@ -84,19 +84,6 @@ def wait_for(stop, count):
     return i
 
 
-def test_a_former_wakeup_descriptor_is_put_back():
-    reader, writer = os.pipe()
-    os.set_blocking(writer, False)
-    before = signal.set_wakeup_fd(writer)
-    try:
-        with interruptible():
-            os.kill(os.getpid(), signal.SIGINT)
-    finally:
-        assert signal.set_wakeup_fd(before) == writer
-        os.close(reader)
-        os.close(writer)
-
-
 def test_a_forked_process_leaves_its_parents_flag_alone():
     with interruptible() as interruption:
         child = os.fork()
