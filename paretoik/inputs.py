@@ -1,7 +1,7 @@
 """Checks of user input. Each error is one line with a name.
 
 Constructors and verbs read numbers, sizes, arrays, text, names, paths, flags and functions by these checks. ``shown``
-returns a refused value as a message shows it, for any class.
+returns the text of a refused value, of any class, for a message.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ ROUNDING = 1e-6  # relative difference tolerated between two computations of a v
 
 @dataclass(frozen=True, kw_only=True)
 class CallLimitOptions:
-    """How calls of users' functions are ended."""
+    """Times and counts by which calls of users' functions are ended."""
 
     grace: float = 1.0  # s: least time for each call, even after the time limit of the verb
     loading: float = 10.0  # s: least time for building a problem, which imports libraries
@@ -199,13 +199,13 @@ else:
 class InputOptions:
     """Bounds of user input, and sizes in messages.
 
-    largest_count: largest count; more does not fit into memory
+    largest_count: largest count that fits into memory
     largest_seed: largest seed; NumPy itself draws seeds of this size
     largest_quantity: largest quantity in SI units, so that squares are finite; its inverse is the least positive one
     shown: most characters of a text in a message
     items: most items of a list in a message
     longest_name: most bytes of a file name
-    turned: angle [rad] of two turns; larger ones are probably degrees, since no joint of a robot on sale turns further
+    turned: angle [rad] of two turns; larger angles are probably degrees, as no commercial robot's joint turns farther
     largest_angle: largest angle [rad] that floats resolve to 1e-9 rad
     """
 
@@ -347,7 +347,7 @@ def _check_integer(name: str, value: object, minimum: int, maximum: int) -> None
 
 
 def likely_spelling(name: object, names: Iterable[str]) -> str:
-    """Return a question that suggests one of ``names`` of similar spelling, or ""."""
+    """Return a question that suggests the name spelled most like ``name``, or ""."""
     near = get_close_matches(name, list(names), n=1) if isinstance(name, str) else []
     return f"; did you mean {near[0]!r}?" if near else ""
 

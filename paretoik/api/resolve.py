@@ -59,11 +59,11 @@ def resolve(
     method
         Method of ``pk.methods``, such as ``PseudoInverse``, ``GradientProjection`` or ``ConstrainedQP``.
     start
-        Joint positions (*batch, dof) to start in; default: a posture on the path, far from singular (see Notes).
+        Start (*batch, dof) in joint positions; default: a posture on the path, far from singularities (see Notes).
     limits
-        Position limits that methods keep joints away from; default: those of the arm.
+        Position limits of the joints, which methods avoid; default: those of the arm.
     obstacles
-        Obstacles that criteria can use, and that ``ConstrainedQP`` keeps the links away from (default: none).
+        Obstacles for criteria; ``ConstrainedQP`` also avoids them (default: none).
     link_radius
         Radius of the capsules around links [m] (default 0).
     unreachable
@@ -99,20 +99,20 @@ def resolve(
     -----
     The methods are ``PseudoInverse``, ``DampedLeastSquares``, ``WeightedLeastNorm``, ``GradientProjection``,
     ``WeightedGradientProjection``, ``ConstrainedQP``, ``LeastSquaresVelocity``, ``PredictiveKineticEnergy`` and
-    ``Nedungadi``. Only ``ConstrainedQP`` promises to keep limits of position, velocity, acceleration and clearance.
+    ``Nedungadi``. Only ``ConstrainedQP`` guarantees limits on position, velocity, acceleration and clearance.
     ``Nedungadi`` takes only starts less than 1e-6 off the path; it stops at a singularity.
 
-    The default start is on the path's first sample, and within the limits if such a posture is found. A joint with one
-    limit counts as having a range of 2π rad, or 1 m.
+    The default start is on the path's first sample, and within the limits if such a posture is found. If a joint has
+    only one limit, its range is 2π rad, or 1 m.
 
     The task's velocity over a step is that of its target plus feedback; for a pose it includes the angular velocity of
     the target's frame. The task is given up for a step ("held") if the Jacobian, with weighted joints, is singular and
     nothing is damped. A step is shortened if a joint would move more than 1 rad or m. If a path leaves the reach of the
-    arm, the arm follows as well as it can and returns with it; more damping than the default, or less feedback, keeps
-    it calm meanwhile.
+    arm, the arm follows as well as it can and returns with it. More damping than the default, or less feedback, makes
+    it slower there.
 
-    The Infeasible error names the condition number of the Jacobian, or the limits that leave no way to continue. In
-    review.rrd the arm moves next to what the method does; if the path is lost, up to there. traces.npz has all
+    The Infeasible error names the condition number of the Jacobian, or the limits that leave no way to continue.
+    review.rrd shows the arm and the method's traces over time; if the path is lost, up to the loss. traces.npz has all
     ``traces``.
 
     Examples
@@ -154,7 +154,7 @@ def resolve(
 
 
 def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotion:
-    """Return the motion, saved and drawn. If the path is lost, the motion up to the loss is recorded."""
+    """Resolve the motion, save and draw it. If the path is lost, record the motion up to the loss."""
     task, cell = resolution.task, workcell_of(resolution)
     criteria = [each.objective.name for each in resolution.criteria]
     assert cell is not None

@@ -89,7 +89,7 @@ def solve(
     initial
         Genes (rows, genes), motions on the path, or a former front to start from.
     time_limit
-        Seconds of computing after which the search ends (default: no limit), without compilation.
+        Seconds of computing, without compilation, after which the search ends (default: no limit).
     evaluations
         Number of evaluations after which the search ends (default: no limit).
     target
@@ -107,11 +107,11 @@ def solve(
     solver
         Solver of ``refine``: "interior-point" (smooth functions), "sqp" (any); "auto" (default): the first if it can.
     workers
-        Number of processes on this machine that evaluate rows (default: only this process).
+        Number of processes on this machine that evaluate individuals (default: only this process).
     cluster
-        Address of a Dask scheduler, "tcp://HOST:PORT", whose workers evaluate rows.
+        Address of a Dask scheduler, "tcp://HOST:PORT", whose workers evaluate individuals.
     evaluation_timeout
-        Seconds for the evaluation of one row, after which it is ended and has failed (default: no limit).
+        Longest evaluation of one individual [s]; a longer one is ended and fails (default: no limit).
     overwrite
         Whether to replace a run in ``out`` (default False).
     record_steps
@@ -139,32 +139,32 @@ def solve(
 
     Notes
     -----
-    Pymoo problems need real genes; the front of your own has no motions. ``front.select(Weights(...))`` on the front of
-    a closed loop follows the loop again with other weights at every step. Not for closed loops: ``islands``,
-    ``initial``, ``evaluations``, ``target``, ``anchors``, ``algorithm``, ``refine``, ``solver``, ``workers``,
-    ``cluster`` and ``evaluation_timeout``; ``points`` and ``stagnation`` have no effect on them.
+    Pymoo problems need real genes; the front has motions if the problem has ``decode``. ``front.select(Weights(...))``
+    on the front of a closed loop follows the loop again with other weights at every step. Not for closed loops:
+    ``islands``, ``initial``, ``evaluations``, ``target``, ``anchors``, ``algorithm``, ``refine``, ``solver``,
+    ``workers``, ``cluster`` and ``evaluation_timeout``; ``points`` and ``stagnation`` have no effect on them.
 
     Ctrl-C and SIGTERM end the search, or the refinement, within a second or after the current generation, and keep the
-    result. ``front.provenance["status"]`` says why it ended, ``counts`` there what it took. If an objective or
-    ``observe`` raises after the first generation, the error has the front so far as its ``partial``; the folder has it
-    too.
+    result. ``front.provenance`` has the cause of the end (``"status"``) and the effort (``"counts"``). If an
+    objective or ``observe`` raises after the first generation, the front so far is the error's ``partial``, and it is
+    saved in ``out``.
 
     ``refine`` works for ``Tracking``, ``DirectionalMaxima`` and ``PointToPoint``, as ``refine(front)`` does. Every ten
     generations a few iterations improve the best points of each objective, the widest gaps and every branch, up to 30 %
-    of the evaluations. At the end every point is refined to a local optimum, the best points of each objective that the
-    planner finds are added, and points that gain more than others, up to ``points``; all are certified. The search has
-    half of a ``time_limit``, unless it ends before. Compiling code in this process, once for a copy of paretoik, does
-    not count. "sqp" solves convex subproblems by Clarabel.
+    of the evaluations. At the end every point is refined to a local optimum. The planner's best points of each
+    objective are added, then the points that gain most, up to ``points``; all are certified. The search takes at most
+    half of a ``time_limit``. The time for compilation, once per copy of paretoik, does not count. "sqp" solves convex
+    subproblems by Clarabel.
 
     On problems with branches the best points of single objectives can lie in basins of their own: by default the
     objectives share half of all generations as ``anchors``. Islands are evaluated together, which gives many
     ``workers`` more to do at a time.
 
-    ``workers`` and ``cluster`` change no bit of the front. They pay only if a row takes some milliseconds; a warning
-    says when they do not. The problem is sent with its code, without files that it opens. A row that ends four workers
-    has failed. A cluster needs ``pip install "paretoik[cluster]"``, ``dask scheduler``, and ``dask worker ADDRESS
-    --nworkers 8 --nthreads 1``. With ``evaluation_timeout`` rows are evaluated one by one in workers, by default in
-    one; the first row of a new worker has 5 s more, to load code.
+    ``workers`` and ``cluster`` do not change the front, bit for bit. They save time only if an individual takes some
+    milliseconds; a warning says if they do not. The problem is sent with its code, without files that it opens. An
+    individual that ends four workers has failed. A cluster needs ``pip install "paretoik[cluster]"``, ``dask
+    scheduler``, and ``dask worker ADDRESS --nworkers 8 --nthreads 1``. With ``evaluation_timeout`` individuals are
+    evaluated one by one in workers, by default in one; the first individual of a new worker has 5 s more, to load code.
 
     The folder of a closed loop also has steps.parquet, and searches.npz with the recorded steps: populations, fronts,
     choices and arms, on the recording's timelines ``generation`` and ``individual``. Pictures are not drawn after a
@@ -205,7 +205,7 @@ class SearchOptions:
 
     search_time: share of the time limit for the search if the front is refined too
     share: largest share of the run's time for decoding motions
-    dense: number of motions decoded one generation after another, then as many every second, every fourth, ...
+    dense: number of decodings at every generation; then as many at every second one, every fourth one, ...
     samples: most samples of a motion
     """
 
@@ -238,7 +238,7 @@ class FrontSearch:
         check_size("generations", given.generations, 1)
         if given.points is not None:
             check_size("points", given.points, 1)
-        if given.anchors is None:  # with branches the objectives alone share half of all generations
+        if given.anchors is None:  # with branches, single objectives share half of all generations
             branches = given.algorithm is None and problem.n_obj > 1 and hasattr(problem, "species")
             given = replace(given, anchors=given.generations // (2 * problem.n_obj) if branches else 0)
         self.problem, self._given = problem, given
@@ -270,7 +270,7 @@ class FrontSearch:
         front = self._evolve(session)
         status = front.provenance["status"]
         if given.refine and (status == "time limit" or status not in STOPPED):
-            session.save_draft(front)  # refinement takes a while, and the search must not be lost
+            session.save_draft(front)  # refinement takes long, and the search must not be lost
             completion = Completion(
                 points=len(front) if given.points is None else given.points,
                 seed=self.settings["seed"],
@@ -373,7 +373,7 @@ class FrontSearch:
 
 
 class _SignalOrHopeless:
-    """Ends a search after a signal, or if its limits cannot be satisfied, as ``failure`` says.
+    """Ends a search after a signal, or if its limits cannot be satisfied (``failure``).
 
     Limits are checked once, after the first generation, if ``looks`` is True and the front is empty.
     """
@@ -398,7 +398,7 @@ class _SignalOrHopeless:
 
 
 def infeasible_search(search: Search | Islands) -> tuple[Infeasible, LeastViolating]:
-    """Return the error of an infeasible search and its least-violating point, as a recording shows it at its end."""
+    """Return the error of an infeasible search, and its least-violating point for the recording's end."""
     nearest = search.archive.least_violating
     if nearest is None:
         failure = Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
@@ -453,7 +453,7 @@ class GenerationMotions:
         self._moves = True
 
     def points(self, progress: Progress) -> tuple[RecordedPoint, ...]:
-        """Return these points, with motions if they changed and time allows."""
+        """Return the best points and the compromise, with motions if they changed and time allows."""
         if not len(progress.front):
             return ()
         marked = marked_rows(progress.front, progress.ids)

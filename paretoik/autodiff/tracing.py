@@ -131,7 +131,7 @@ class TracedArray(NDArrayOperatorsMixin):
         return self.shape[0]
 
     def __bool__(self) -> bool:
-        raise InvalidInput("a comparison cannot decide an `if` where derivatives are taken; use np.where")
+        raise InvalidInput("an `if` cannot depend on a number whose derivative is taken; use np.where")
 
     def __array__(self, *args: Any, **settings: Any) -> np.ndarray:
         raise InvalidInput(

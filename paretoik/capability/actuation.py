@@ -21,7 +21,7 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.pose import freeze
 from paretoik.tables import field_representation, html_representation
 
-# Motor curves: how fast a motor may run at an effort. Source: Kim, Choi & Jang 2021, Eqs. 3 and 4.
+# Motor curves: the highest speed of a motor at an effort. Source: Kim, Choi & Jang 2021, Eqs. 3 and 4.
 # No motion satisfies the curves as printed; they are read as diamonds here, which motions can satisfy.
 
 MotorShape = Literal["diamond", "strip", "box"]
@@ -87,7 +87,7 @@ class MotorCurve:
         return np.where(bearable, -low * self.fastest, np.nan), np.where(bearable, high * self.fastest, np.nan)
 
     def slacks(self, effort: Any, travel: Any, duration: Any = 1.0) -> Any:
-        """Return smooth slacks (*batch, dof, rows) of efforts and travels, none negative if these are possible.
+        """Return smooth slacks (*batch, dof, rows) of efforts and travels; none is negative if they are possible.
 
         A motor makes the travel [rad, m] in the duration [s]. Arguments may be complex numbers or expressions, for
         exact derivatives.
@@ -150,7 +150,7 @@ class JointActuation:
     def of(cls, arm: Arm, *, shape: MotorShape = "box") -> JointActuation:
         """Return motors with an arm's own torque and velocity limits.
 
-        Raises InvalidInput if it is not an arm, and, naming the joint, if a joint has no velocity limit.
+        Raises InvalidInput if ``arm`` is not an Arm, or if a joint, which it names, has no velocity limit.
         """
         check_instance("arm", arm, Arm, "an Arm")
         for name, fastest in zip(arm.joint_names, arm.velocity_limits, strict=True):
@@ -188,7 +188,7 @@ class DistributedActuation:
     A rod of length c joins a slider at s on the link to one at s_b on the link before:
     c² = s² + s_b² + 2 s s_b cos θ, so that θ̇ = A ṡ + B ṡ_b with A = (s + s_b cos θ)/(s s_b sin θ) and
     B = (s_b + s cos θ)/(s s_b sin θ), and a torque τ needs the forces A τ and B τ. Both sliders may be anywhere
-    within their bounds: they are gears to choose.
+    within their bounds, like gears that can be chosen.
 
     front: motors of the sliders on the link [N, m/s]
     back: motors of the sliders on the link before [N, m/s], of the same shape; default: ``front``
@@ -200,12 +200,11 @@ class DistributedActuation:
     least_angle: least distance of θ from 0 and π [rad], 10° by default
 
     0 and π are toggles: the rod is along both links. Near them, sliders turn a joint faster, but less far. The
-    bound excludes fast postures: with the paper's sliders, at its nine positions, 10° cost 7 % of the speed on average
-    and 46 % at most compared with 5°, and 9 % and 91 % compared with no bound (``studies.kim_2021`` prints them).
+    bound excludes fast postures. With the paper's sliders, at its nine positions, 10° costs 7 % of the speed on average
+    and 46 % at most compared with 5°, and 9 % and 91 % compared with no bound (``studies.kim_2021`` prints these).
 
-    Raises InvalidInput, naming the argument that is impossible. Source: Kim, Choi & Jang 2021, section 2.1 and Table 2,
-    for what it prints; the formulae are derived, and ``zero``, ``bend``, ``least_angle`` and ``back_bounds`` are not in
-    the paper.
+    Raises InvalidInput, naming the argument that is impossible. Source: Kim, Choi & Jang 2021, section 2.1 and Table 2.
+    The formulae are derived; ``zero``, ``bend``, ``least_angle`` and ``back_bounds`` are not in the paper.
     """
 
     front: MotorCurve
@@ -254,7 +253,7 @@ class DistributedActuation:
                 raise InvalidInput(f"{wish}, got {values.shape}") from None
             freeze(self, **{name: values})
 
-        # impossible lengths, bounds and angles are refused by the joint's name
+        # errors of impossible lengths, bounds and angles name the joint
         def refuse(wrong: np.ndarray, wish: str, fact: np.ndarray) -> None:
             if wrong.any():
                 j = int(np.argmax(wrong))
@@ -343,9 +342,9 @@ def kim_joint_motors() -> JointActuation:
 
 
 def kim_sliders(base_angle: float = float(np.deg2rad(-120.0)), bend: Literal[-1, 1] = 1) -> DistributedActuation:
-    """Return the sliders (DAM-3R) of Kim, Choi & Jang 2021, Table 2; the first joint's run at up to 1.8 mm/s.
+    """Return the sliders (DAM-3R) of Kim, Choi & Jang 2021, Table 2; those of joint 1 run at up to 1.8 mm/s.
 
-    Back sliders are as the front ones. Rods stay 10° from their toggles, which is not in the paper and costs speed
+    Back sliders equal the front ones. Rods stay 10° from their toggles; this is not in the paper and costs speed
     (``DistributedActuation``).
 
     base_angle: direction [rad] of the link before the first joint. The paper has none: with the default, most

@@ -1,4 +1,4 @@
-"""Postures at a position that motors can hold, within limits and the reach of rods, and errors without any."""
+"""Postures at a position: the best along directions, and those that motors can hold; errors if there are none."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from paretoik.task.path_shapes import Line
 from paretoik.task.random_starts import reach_error, sample_postures, wrap_difference
 from paretoik.task.validation import motion_task
 
-# Local maxima over all postures of any arm: many starts, and ascent over posture, sliders and speeds.
+# Local maxima over all postures of any arm: ascent over posture, sliders and speeds from many starts.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +65,7 @@ def maximise_from(
     ascended = np.zeros(len(directions))
 
     def climb(k: int, start: np.ndarray, *, near: bool) -> float:
-        """Ascend along direction k and keep the end point. Returns its value, 0 without an end point."""
+        """Ascend along direction k and keep the end point; return its value, or 0 without one."""
         nonlocal q, values
         size = float(values[:, k].max())
         end = ascend(program, position, directions[k], size, start, near=near) if 0 < size < np.inf else None
@@ -99,10 +99,10 @@ def ascend(
     *,
     near: bool = False,
 ) -> Float[np.ndarray, " dof"] | None:
-    """Return the posture of a local maximum along a direction, None if limits are violated.
+    """Return the posture of a local maximum along a direction; None if it violates limits.
 
-    ``size`` [m/s, N] is about the expected value. ``near`` a maximum, quadratic programs are used: they stay at it,
-    while interior points may leave it.
+    size: approximate expected value [m/s, N]
+    near: whether the start is near a maximum; then quadratic programs stay at it, but interior points may leave it
     """
     cost = np.zeros((1, program.unknowns))
     cost[0, program.slices["values"]] = -1.0
@@ -119,7 +119,7 @@ def ascend(
 
 
 def distant_postures(arm: Arm, q: np.ndarray) -> list[np.ndarray]:
-    """Return the first few postures that are not near each other."""
+    """Return the first postures that are far from each other, up to ``largest``."""
     chosen, remaining = list[np.ndarray](), q
     while len(remaining) and len(chosen) < ASCENT_OPTIONS.largest:
         chosen.append(remaining[0])
@@ -128,7 +128,7 @@ def distant_postures(arm: Arm, q: np.ndarray) -> list[np.ndarray]:
     return chosen
 
 
-# Samples of postures at a position, and errors without any.
+# Samples of postures at a position, and errors if there are none.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,8 +150,8 @@ def sample_holdable_postures(
 ) -> Float[np.ndarray, "postures dof"]:
     """Return postures at a position, within limits, in which motors can hold the arm.
 
-    If no sample can be held, the least overloaded ascend. Raises OutOfReach, and Infeasible, naming joint, torque and
-    limit of the least overloaded.
+    If motors can hold no sample, ascent starts from the least overloaded ones. Raises OutOfReach, or Infeasible, which
+    names the joint, torque and limit of the least overloaded posture.
     """
     restricted, q, feasible = restrict_to_rods(arm, actuation), np.empty((0, arm.dof)), np.empty((0, arm.dof))
     for _ in range(OPTIONS.batches):
@@ -181,9 +181,9 @@ def sample_holdable_postures(
 def sample_postures_at(
     arm: Arm, position: Float[np.ndarray, " task"], samples: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "postures dof"]:
-    """Return postures that reach a position; some may exceed limits, all are in the turn of their limits.
+    """Return postures that reach a position, shifted by whole turns towards their limits; some may exceed limits.
 
-    Raises OutOfReach, and SolverFailed if none was found within reach.
+    Raises OutOfReach; SolverFailed if the position is within reach, but no posture was found.
     """
     task = stationary_task(arm, position)
     q = sample_postures(task, samples, rng)
@@ -191,7 +191,7 @@ def sample_postures_at(
         error = reach_error(task, rng, 0)
         if isinstance(error, OutOfReach):
             raise OutOfReach(f"position out of reach: {str(error).split(': ', 1)[1]}", sample=0)
-        raise SolverFailed(f"position: no posture was found that reaches {position.tolist()} m; more samples may")
+        raise SolverFailed(f"position: no posture was found that reaches {position.tolist()} m; use more samples")
     lower, upper = arm.position_limits.T
     for j in np.flatnonzero(arm.periodic):
         column = q[:, j]
@@ -204,7 +204,7 @@ def sample_postures_at(
 
 
 def restrict_to_rods(arm: Arm, actuation: Actuation) -> Arm:
-    """Return the arm with joint limits reduced to the reach of sliders, in one turn.
+    """Return the arm with joint limits reduced to the angles that its rods reach, within one turn.
 
     Raises InvalidInput, naming the joint, if limits and reach do not overlap.
     """
@@ -255,7 +255,7 @@ def can_hold(arm: Arm, actuation: Actuation, q: Joints) -> Bool[np.ndarray, " po
 
 
 def postures_error(arm: Arm, actuation: Actuation, q: np.ndarray, position: np.ndarray) -> Infeasible:
-    """Return the error of postures that cannot be held within limits, of the nearest to it."""
+    """Return the error for the posture nearest to being held within limits, if none can be held."""
     excess = limit_excess(arm, q)
     inside = q[(excess <= 0).all(axis=1)]
     if len(inside):

@@ -1,7 +1,7 @@
 """Models of the tool's speed: an ellipsoid of velocities at every position.
 
-Directional maxima are polygons (unions over postures, not convex), one at each position. A model is an ellipse or
-ellipsoid at every position, smooth in the position. Source: Kim, Choi & Jang 2021, Model-predictive-control-based
+Directional maxima form one polygon at each position, which is not convex (a union over postures). A model is an ellipse
+or ellipsoid at every position, smooth in the position. Source: Kim, Choi & Jang 2021, Model-predictive-control-based
 time-optimal trajectory planning of the distributed actuation mechanism, section 3.1 and Eq. 5. ``speed_fit`` fits them.
 """
 
@@ -267,7 +267,7 @@ def spectral_roots(
 
 
 def planar_roots(values: Float[np.ndarray, "*batch 4"], gradients: Float[np.ndarray, "*batch 4 variables"]) -> Roots:
-    """Return the result of ``spectral_roots`` in closed form, in the plane.
+    """Return the result of ``spectral_roots`` in the plane, in closed form.
 
     Q^(1/2) = (Q + δ I) / t, δ² = det Q, t² = tr Q + 2 δ. Source: Levinger 1980, The square root of a 2 × 2 matrix.
     """
@@ -287,7 +287,7 @@ def planar_roots(values: Float[np.ndarray, "*batch 4"], gradients: Float[np.ndar
 
 
 def upper_triangle(parts: int) -> Int[np.ndarray, "task task"]:
-    """Return the indices of a symmetric matrix's entries in its upper triangle, diagonal included."""
+    """Return each entry's index in the packed upper triangle of a symmetric matrix."""
     task = int((np.sqrt(8 * parts + 1) - 1) / 2)
     place = np.zeros((task, task), dtype=int)
     place[np.triu_indices(task)] = np.arange(parts)
@@ -300,6 +300,6 @@ COFACTORS = np.array([1.0, -2.0, 1.0])  # ∂(a d − b²) = d ∂a − 2 b ∂b
 
 
 def check_model(model: object) -> None:
-    """Raise InvalidInput if it is not a model of speeds."""
+    """Raise InvalidInput unless ``model`` is a model of speeds."""
     if isinstance(model, type) or not all(hasattr(model, name) for name in ("lower", "upper", "roots")):
         raise InvalidInput(f"model must be a model of speeds, such as fit_ellipsoids returns, got {shown(model)}")

@@ -46,7 +46,7 @@ CompromiseOption = Annotated[
     bool, typer.Option("--compromise", help="The point whose worst objective gives up the least of its range.")
 ]
 AspirationOption = Annotated[
-    str | None, typer.Option(help="Nearest to values that you wish for, reachable or not.", metavar=NUMBERS)
+    str | None, typer.Option(help="Point nearest to given values, which may be unreachable.", metavar=NUMBERS)
 ]
 LexicographicOption = Annotated[
     str | None,

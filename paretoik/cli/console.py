@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from paretoik.front.front import Front
     from paretoik.trajectory.plan import Plan
 
-# Stdout and stderr of the process: a failed write ends no command, and letters that they cannot show are replaced.
+# Stdout and stderr of the process: a failed write does not end a command; letters that they cannot show are replaced.
 
 
-PLAIN = str.maketrans(  # letters that no decomposition replaces
+PLAIN = str.maketrans(  # letters that Unicode does not decompose
     dict(zip("−–×·", "--x*", strict=True))
     | {"ε": "eps", "χ": "chi", "π": "pi", "∂": "d", "≤": "<=", "≥": ">=", "°": " deg", "“": '"', "”": '"'}
 )
@@ -42,8 +42,8 @@ STDIN, STDOUT, STDERR = 0, 1, 2  # descriptors of the process
 def process_output() -> Iterator[None]:
     """Replace stdout and stderr by streams that never raise.
 
-    They may be full, closed, missing or limited to ASCII. If the body ends without error, or by an exit, but stdout did
-    not take the whole output, this raises InvalidInput. It does not raise if the reader left early or stdout is closed.
+    They may be full, closed, missing or limited to ASCII. Raises InvalidInput if the body ends without error, or by an
+    exit, but the output was not written completely. Does not raise if the reader left early or stdout is closed.
     """
     for descriptor in (STDIN, STDOUT, STDERR):  # if a descriptor were closed, the next opened file would get its number
         try:
@@ -67,7 +67,7 @@ class _LenientFile(FileIO):
     fault: OSError | None = None  # the first one
 
     def write(self, content: Any) -> int:
-        """Write what the system takes, and drop what it refuses."""
+        """Write to the descriptor; if that fails, drop the content and keep the first error in ``fault``."""
         try:
             while (written := super().write(content)) is None:  # another process made the descriptor non-blocking
                 select.select([], [self], [])
@@ -124,7 +124,7 @@ def exit_code(status: object) -> int:
 
 @contextmanager
 def stdout_for_results() -> Iterator[None]:
-    """Send to stderr what users' functions, and the programs that they start, print on stdout in the body."""
+    """Redirect stdout to stderr in the body, for users' functions and the programs that they start."""
     print(end="", flush=True)
     stdout = os.dup(STDOUT)
     os.dup2(STDERR, STDOUT)
@@ -140,7 +140,7 @@ def stdout_for_results() -> Iterator[None]:
 def running(
     out: Path | None = None, *, quiet: bool, time_limit: float | None = None
 ) -> Iterator[Observer | Literal[False]]:
-    """Yield the observer of a verb, which the body runs; reserve stdout for the result.
+    """Yield the observer for a verb that the body runs; reserve stdout for the result.
 
     If a signal or the time limit ends it without a result, the error gets a note with the command that resumes the run.
     """
@@ -163,7 +163,7 @@ def print_json(value: object) -> None:
 
 
 def finish_front(front: Front, out: Path, *, as_json: bool) -> NoReturn:
-    """Print the front of a run as text or JSON, and exit with the code of what ended the run."""
+    """Print the front of a run as text or JSON, and exit with the code of the run's status."""
     from paretoik.api.result_text import entries, result_text, resume_command
 
     if as_json:
@@ -176,7 +176,7 @@ def finish_front(front: Front, out: Path, *, as_json: bool) -> NoReturn:
 
 
 def finish_plan(plan: Plan, name: str, unit: str, out: Path, *, as_json: bool) -> NoReturn:
-    """Print the plan of an objective as text or JSON, and exit with the code of what ended the run."""
+    """Print the plan of an objective as text or JSON, and exit with the code of the run's status."""
     from paretoik.api.result_text import optima_entries, plan_text, resume_command
 
     if as_json:

@@ -124,7 +124,7 @@ SlowDownOption = Annotated[
     bool, typer.Option("--slow-down", help="Slow down as little as the controller's limits ask for.")
 ]
 TimeScaleOption = Annotated[float, typer.Option(help="Factor by which to slow down.")]
-RampOption = Annotated[float, typer.Option(help="Seconds in which to start from rest, and to stop.")]
+RampOption = Annotated[float, typer.Option(help="Duration of the ramps at start and stop [s].")]
 JointsOption = Annotated[str | None, typer.Option(help="Order of the joints: NAME,NAME (the arm's).")]
 OverwriteOption = Annotated[bool, typer.Option(help="Replace a file that is there.")]
 

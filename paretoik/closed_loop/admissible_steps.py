@@ -1,8 +1,8 @@
 """Compiled tests whether steps are admissible.
 
 A step is admissible if it is within its bounds and clear of obstacles, at its end or all the way. The travel of a step
-is Σ reach · |Δq|: no point of the arm moves farther. Obstacles farther away than the travel need no test. Between two
-configurations, the arm is clear if the sum of their distances from obstacles exceeds the travel.
+is Σ reach · |Δq|: an upper bound of the move of every point of the arm. Obstacles farther away than the travel need no
+test. Between two configurations, the arm is clear if the sum of their distances from obstacles exceeds the travel.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def _squared_distance(px, py, pz, ax, ay, az, dx, dy, dz):
 
 @compiled
 def _to_segment(segment, nodes, row, count, distances):
-    """Write the distance from a segment: nearest are an end of one, or places of both lines within the segments."""
+    """Write the distance from a segment; the nearest points are an end of one, or within both segments."""
     sx, sy, sz, radius = segment[FIRST], segment[FIRST + 1], segment[FIRST + 2], segment[RADIUS]
     ex, ey, ez = segment[SECOND] - sx, segment[SECOND + 1] - sy, segment[SECOND + 2] - sz
     x0, y0, z0, x1, y1, z1 = nodes[row], nodes[row + 1], nodes[row + 2], nodes[row + 3], nodes[row + 4], nodes[row + 5]
@@ -268,7 +268,7 @@ def find_inadmissible(count, start, constraints, clearance, options, w):
 
 @compiled
 def _sweep(count, start, clearance, constraints, options, w):
-    """Make the travel of candidates negative whose steps are not proven clear all the way.
+    """Mark candidates by negative travel if their steps are not proven clear all the way.
 
     Intervals of steps (candidate, begin, width, distance at begin and end) wait on a stack. An interval is halved if
     the distances at its ends do not prove it clear.

@@ -1,7 +1,7 @@
 """One step of a closed loop as a pymoo problem.
 
-It searches rows that extend the Jacobian to a square matrix. Source: Marcos et al. 2012, section 4.1. ``ClosedLoop``
-takes such steps one after the other with a compiled search.
+The search is for rows that extend the Jacobian to a square matrix. ``ClosedLoop`` takes such steps one after the other
+with a compiled search. Source: Marcos et al. 2012, section 4.1.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ class ControlStep(Formulation):
     InvalidInput
         Names the argument that cannot be used.
     Infeasible
-        If the arm is singular in ``q``, or its joints may not move far enough to reach the target.
+        If the arm is singular in ``q``, or its joints cannot move far enough to reach the target.
 
     >>> import paretoik as pk
     >>> path = pk.line([2.495, 0.627], [2.495, 0.7], duration=0.01, samples=11)
@@ -293,6 +293,6 @@ class ReplaceInadmissible(Repair):  # type: ignore[misc]  # pymoo is not typed
     """Replace each chromosome with an inadmissible step (section 5.2). The new chromosome is random."""
 
     def do(self, problem: Any, pop: Population, *, random_state: np.random.Generator, **kwargs: object) -> Population:
-        """Return the population with these chromosomes replaced."""
+        """Return the population with inadmissible chromosomes replaced."""
         pop.set("X", problem.redraw(pop.get("X"), random_state))
         return pop

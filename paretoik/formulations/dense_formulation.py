@@ -165,12 +165,12 @@ class DenseFormulation(Formulation, Differentiable):
     def front_points(self, front: Front) -> Points:
         """Return the points of a front's genes. Raises InvalidInput if the front has no genes."""
         if front.genes is None:
-            raise InvalidInput(f"front must have the genes of {', '.join(self.names)}, got a front without")
+            raise InvalidInput(f"front must have the genes of {', '.join(self.names)}, got a front without genes")
         return self.points(np.array(front.genes))
 
     def motion_points(self, motions: Motion) -> Points:
         """Raise InvalidInput: motions do not determine the points of this problem."""
-        raise InvalidInput("initial must be genes or a front, got motions: these do not say what the motors do")
+        raise InvalidInput("initial must be genes or a front, got motions, which do not determine what the motors do")
 
     def hold_between(
         self,

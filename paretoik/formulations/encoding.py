@@ -1,4 +1,4 @@
-"""Genes of a motion: base number, and a spline of self-motion coordinates."""
+"""Genes of a motion: number of its base, and a spline of self-motion coordinates."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Encoding:
     The first gene, rounded down, is the number of the base. The others, in [−1, 1], are spline coefficients.
     Coordinates are y(t) = radius(t) · Σ_k c_k B_k(t). ``radius`` (bases, time) is the reach of the chart around each
     base. ``spline`` (time, coefficients) is a C² cubic basis: clamped, or periodic on a cycle. If the start is given,
-    one member is left out. If the motion has to stop, the last two members are summed: their coefficients are equal.
+    one member is left out. If the motion ends at rest, the last two members are summed: their coefficients are equal.
     """
 
     charts: Charts
@@ -92,9 +92,9 @@ class Encoding:
         return genes, deviation.max(axis=(1, 2))
 
     def encode_nearest(self, task: MotionTask, q: JointPaths) -> tuple[Genes, Float[np.ndarray, " motions"]]:
-        """Return genes of motions within bounds, and their distances [rad, arm's length].
+        """Return genes, clipped to their bounds, and their motions' distances from ``q`` [rad, arm's lengths].
 
-        A motion is encoded around the base whose decoded genes are nearest in every joint at every sample.
+        A motion is encoded around the base with the smallest distance, the largest over joints and samples.
         """
         genes, deviation = np.zeros((len(q), len(self.bounds[0]))), np.full(len(q), np.inf)
         for base in range(self.bases):

@@ -1,8 +1,8 @@
 """Motions between points without a given path, time against energy.
 
 An individual is a path in joint space, and of the sliders along the links: a spline whose ends are retracted to the
-start and the target of the tool. Path and posture are searched together, so no path is tracked. The least time of the
-motion and the work of its motors follow in closed form.
+start and the target of the tool. Path and posture are searched together. The least time of the motion and the work of
+its motors follow in closed form.
 
 Source: Kim, Choi & Jang 2021, section 3, which minimises only time; weighing it against energy is new.
 """
@@ -53,9 +53,9 @@ class InitialPathOptions:
     """Settings of the search for initial paths."""
 
     rollouts: int = 256  # number of sampled postures at each end, and of sampled motions of each kind along a line
-    bows: tuple[float, ...] = (0.5, 1.0, 2.0)  # sideways, as shares of a straight line that cannot be followed
+    bows: tuple[float, ...] = (0.5, 1.0, 2.0)  # sideways moves of a line's middle, as shares of its length
     fixed_sliders: int = 5  # number of places at which fixed sliders are tried
-    work_unit: float = 1e-6  # J: smallest unit; without gravity there is no work
+    work_unit: float = 1e-6  # J: smallest unit of work, which is 0 without gravity
     distance: float = 0.2  # rad or m: least distance between the coefficients of two paths
 
 
@@ -196,7 +196,7 @@ def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coeffici
     best = np.clip(_fit_spline(basis, np.nan_to_num(fastest, nan=0.5)), 0.0, 1.0)
     fixed = np.linspace(0.0, 1.0, PATHS.fixed_sliders)[:, None, None] * np.ones_like(best[:1])
     steady = np.repeat(best.mean(axis=1, keepdims=True), best.shape[1], axis=1)
-    # The middle of the front sliders' ranges that keep back sliders within bounds.
+    # The middle of the front sliders' ranges in which back sliders are within bounds.
     places, fits = np.linspace(0.0, 1.0, 4 * PATHS.fixed_sliders + 1), list[np.ndarray]()
     for share in places:
         back = actuation.gears(q, front_sliders(actuation, np.full(q.shape, share)))[0]
@@ -281,7 +281,7 @@ class PointToPoint(DenseFormulation):
     OutOfReach
         If start or target, or all paths between them, cannot be reached.
     Infeasible
-        If motors can hold the arm along no path; it names joint, torque and limit.
+        If there is no path along which motors can hold the arm; names joint, torque and limit.
     """
 
     computed_attributes = ("initial_paths",)
@@ -367,7 +367,7 @@ class PointToPoint(DenseFormulation):
         return spline @ q, spline @ front, error
 
     def sliders(self, genes: Genes) -> Float[np.ndarray, "points time 2 dof"] | None:
-        """Return front and back sliders at the samples [m], or None. None without sliders."""
+        """Return front and back sliders at the samples [m]; None without sliders."""
         if not isinstance(self.actuation, DistributedActuation):
             return None
         q, front, _ = self._samples(genes)
@@ -380,7 +380,7 @@ class PointToPoint(DenseFormulation):
         return self._motions(q, self._intervals(genes, minimum_timing(self.arm, self.actuation, q, front)))
 
     def _intervals(self, genes: Genes, timing: Timing) -> Float[np.ndarray, "points intervals"]:
-        """Return the intervals of individuals [s]. They are the least ones, or longer ones that the genes ask for."""
+        """Return the intervals of individuals [s]: the least possible ones, or longer ones set by the genes."""
         if not self.own_times:
             return timing.intervals
         wishes = genes[:, -timing.intervals.shape[1] :] * (OPTIONS.longest_interval * self.initial_paths.pace)

@@ -28,7 +28,7 @@ def certificate_text(certificates: Certificates) -> str:
         violation = "violation of limits unknown" + f" at the samples, {between} between them" * bool(between)
     lines = [f"certified: {statuses}; criticality {_worst(certificates.criticality) or 'unknown'}, {violation}"]
     if errors := _worst(certificates.discretisation_error.max(axis=1, initial=0.0)):
-        lines.append(f"values off those of the curves by {errors} of their units")
+        lines.append(f"values differ from those of the curves by {errors} of their units")
     reasons = certificates.reason[certificates.status == "undetermined"].tolist()
     if len(reasons) > 1:  # the same text if only numbers differ
         reasons = [re.sub(r"^(criticality|curvature) \S+?(:?) ", r"\1\2 ", reason) for reason in reasons]

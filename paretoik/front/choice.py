@@ -51,8 +51,8 @@ def named_text(numbers: Mapping[str, float]) -> str:
 def first_row(front: FrontData, scores: Values, among: Mask | None = None) -> int:
     """Return the row with the least of ``scores`` (points,), in shares of the ranges.
 
-    Scores within rounding of the least are equal. The lowest sum of shares ΣZ decides among these; among sums equal
-    within rounding the better first objective, then the second and so on, then the lowest id.
+    Scores within rounding of the least are equal. Ties are decided by the lowest sum of shares ΣZ, then by the better
+    first objective, the second and so on, then by the lowest id.
     ``among`` marks the rows to look at, at least one; None means all.
     """
     rows = np.arange(len(front)) if among is None else np.flatnonzero(among)
@@ -66,7 +66,7 @@ def first_row(front: FrontData, scores: Values, among: Mask | None = None) -> in
 class Prediction:
     """Expected result of a move: objectives (n_obj,), in the user's own sign, and their motion.
 
-    It is no point of the front: it has no id and no certificate. ``motion`` is missing if the front has no motions.
+    It is not a point of the front: it has no id and no certificate. ``motion`` is missing if the front has no motions.
     """
 
     objectives: Values
@@ -185,7 +185,7 @@ class Preference(Protocol):
 
 
 def check_preference(name: str, value: object) -> None:
-    """Raise InvalidInput, by ``name``, unless a value has a method ``choose``.
+    """Raise InvalidInput, with ``name``, unless a value has a method ``choose``.
 
     Classes and arrays are refused too.
     """
@@ -193,7 +193,7 @@ def check_preference(name: str, value: object) -> None:
         raise InvalidInput(f"{name}: must be a preference, such as Weights(...), got {shown(value)}")
 
 
-# The explanation of a point: ends of the front, neighbours, exchange rates and how far they hold.
+# The explanation of a point: ends of the front, neighbours, exchange rates and their reach.
 
 
 def explain(
@@ -396,7 +396,7 @@ def _rates(front: FrontData, choice: Choice) -> Iterator[str]:
         yield f"No exchange rate is certified here{': ' * bool(cause)}{cause}."
     gained = {name for neighbour in choice.neighbours for name in neighbour.better_in}
     for gain, group in groupby(choice.rates, key=lambda rate: rate.gain):
-        if gain not in gained:  # no point is better in it
+        if gain not in gained:  # no point is better in this objective
             continue
         axis, rates = front.names.index(gain), list(group)
         if len(front.names) > OPTIONS.described:  # the cheapest, in shares of the ranges

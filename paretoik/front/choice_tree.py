@@ -32,7 +32,7 @@ ENTRY_TYPES = {
     "reason": str,
     "time": str,
 }
-LONGEST_TEXT = 300  # characters kept of a preference's text: that of a user's preference may be of any length
+LONGEST_TEXT = 300  # most characters of a preference's text, as a user's preference may have a text of any length
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,8 +129,8 @@ def keep_choice(
 ) -> bool:
     """Append a choice to those in the front's run folder, and return whether it is kept.
 
-    Its parent is the present choice. If the folder does not contain the chosen point (any more) or cannot be written, a
-    warning says that the choice is not kept. Raises InvalidRun if the file of choices is damaged.
+    Its parent is the present choice. If the folder does not contain the chosen point, or cannot be written, a warning
+    says that the choice is not kept. Raises InvalidRun if the file of choices is damaged.
     """
     folder = front.folder
     assert folder is not None
@@ -165,7 +165,7 @@ def keep_choice(
 def go_back(folder: Path, *, front: FrontData | None = None) -> Choices:
     """Make the parent of the present choice the present choice.
 
-    Raises InvalidInput if there is no choice, and if a given ``front`` does not have the parent's point.
+    Raises InvalidInput if there is no choice, or if a given ``front`` does not have the parent's point.
     """
     with _run_locked(folder):
         choices = read_choices(folder)
@@ -193,7 +193,7 @@ def chosen(front: FrontData) -> Choice | None:
 
 
 def present_point(choices: Choices, *, name: str) -> int:
-    """Return the id of the present choice's point; raises InvalidInput, by ``name``, without a choice."""
+    """Return the id of the present choice's point; raises InvalidInput, with ``name``, without a choice."""
     if choices.chosen is None:
         raise InvalidInput(
             f"{name}: must be the id of a point unless a choice is kept (paretoik select RUN, front.select), "
@@ -207,8 +207,8 @@ def pick_point(
 ) -> Choice:
     """Return a point of a front: the named one, or else the present choice, or the only point.
 
-    If there is no choice either, ``otherwise`` is called. Raises InvalidInput, by ``name``, for points that the front
-    does not have, and if there is no point to pick.
+    If there is no such point, ``otherwise`` is called. Raises InvalidInput, with ``name``, for points that the front
+    does not have, or if there is no point to pick.
     """
     if point is not None:
         return explain_named(front, row_of(front, getattr(point, "id", point), name=name))
@@ -219,7 +219,7 @@ def pick_point(
 
 
 def present_id(front: FrontData, *, name: str) -> int:
-    """Return the id of the present choice or of the only point; raises InvalidInput, by ``name``, for neither."""
+    """Return the id of the present choice or of the only point; else raise InvalidInput, with ``name``."""
     choices = kept_choices(front)
     return int(front.ids[0]) if choices.chosen is None and len(front) == 1 else present_point(choices, name=name)
 
@@ -243,7 +243,7 @@ def _write(folder: Path, choices: Choices) -> None:
 
 @contextmanager
 def _run_locked(folder: Path) -> Iterator[None]:
-    """Lock a run folder against other writers; raises InvalidInput if it is no run folder."""
+    """Lock a run folder against other writers; raises InvalidInput for other folders."""
     if not (folder / RUN).is_file():
         raise InvalidInput(f"{folder / RUN} must be a run, got {missing_file(folder / RUN)}")
     with only_writer(folder):

@@ -59,9 +59,9 @@ def view(
     whose motion the arm shows: the first selected one; at first the present choice, or else the compromise.
     ``show(id)`` shows another one; ``on_select(callback)`` sets a function that gets the ids of every selection.
 
-    On a certified front ``sliders``, one per objective, move along the front: while one is dragged towards its better
-    end, the point that ``predict`` expects is drawn in grey; on release the point that ``navigate`` reaches is
-    selected. ``view.front`` has all points that were reached.
+    On a certified front there are ``sliders``, one per objective, to move along the front. While one is dragged towards
+    its better end, the point that ``predict`` expects is drawn in grey. On release, the point that ``navigate`` reaches
+    is selected. ``view.front`` has all points that were reached.
 
     The view needs the extra ``notebook`` (``pip install "paretoik[notebook]"``). This process serves the viewer to the
     same machine; if the browser runs on another one, ``RERUN_NOTEBOOK_ASSET=inline`` in the environment sends it along.
@@ -125,9 +125,9 @@ def select(front: Front, preference: Preference | str | Mapping[str, float] | in
 def undo(front: Front) -> Choice | None:
     """Go back to the previous choice in the run folder, and return it.
 
-    None is returned if the first choice was undone. Nothing is deleted: the next choice becomes another branch of the
-    tree. Raises InvalidInput if there is no choice to go back from, or if this front is only a part of the run's and
-    does not have the point of the previous choice.
+    Returns None if the first choice was undone. Nothing is deleted: the next choice becomes another branch of the tree.
+    Raises InvalidInput if there is no choice, or if this front is only a part of the run's front and does not have the
+    point of the previous choice.
     """
     if front.folder is None:
         raise InvalidInput("undo: the front must be loaded from a run folder or saved into one, got no folder")
@@ -206,7 +206,7 @@ class Front(FrontData):
     def where(self, bounds: Mapping[str, Bound] | None = None, /, **named: Bound) -> Front:
         """Return the front of the points within bounds, ``front.where(kinetic_energy=(None, 0.05))``.
 
-        A bound is (lower, upper) in the objective's own units and sign, with None for an open side; names that are no
+        A bound is (lower, upper) in the objective's own units and sign, with None for an open side. Names that are not
         identifiers need a mapping. Ranges, ids, motions, genes and certificates are kept. The front may be empty.
 
         Raises InvalidInput for other names and bounds.

@@ -13,8 +13,8 @@ By weak duality, any λ ≥ 0 with Σλ = 1 and any μ ≥ 0 give an upper bound
 
     χ ≤ radius · ‖Σ λᵢ ∇fᵢ − Jᵀ μ‖ + μ·c
 
-If multipliers of only the active inequalities give a bound of almost 0, and they are unique, they are exact
-(nonnegative least squares: Lawson & Hanson 1974, chapter 23). Searches use this bound for χ.
+Multipliers of only the active inequalities are exact if they are unique and give a bound of almost 0 (nonnegative
+least squares: Lawson & Hanson 1974, chapter 23). Searches use this bound for χ.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from paretoik.stop_flag import check_interruption
 class CriticalityOptions:
     """Settings of the criticality and its multipliers; no field has a unit."""
 
-    near_share: float = 0.01  # share of the radius: inequalities beyond the reach of such steps are left out at first
+    near_share: float = 0.01  # share of the radius: inequalities that such steps do not reach are left out at first
     gain_tolerance: float = 1e-10  # largest gain that counts as 0, as a share of the steepest gradient's length
     active: float = 1e-7  # slack up to which an inequality is active
     bound: float = 1e-8  # largest bound that replaces χ, as a share of the steepest gradient's length times the radius
@@ -60,7 +60,7 @@ class Elimination:
     """Rows after elimination: each eliminated column has an entry only in its pivot row.
 
     pivots, columns: pivot row and column of every elimination
-    remaining, free: which rows are no pivots, and which columns stay
+    remaining, free: rows that are not pivots, and columns that stay
     """
 
     table: Float[np.ndarray, "rows columns"]
@@ -179,7 +179,7 @@ def factorise_rows(
 def _extreme_shares(
     weights: Float[np.ndarray, "n_obj y"], particular: Float[np.ndarray, "rows y"], kernel: Float[np.ndarray, "rows z"]
 ) -> Float[np.ndarray, "n_obj n_obj 2"]:
-    """Return the least and largest shares of all pairs, by linear programs."""
+    """Return the least and largest λᵢ / (λᵢ + λⱼ) of every pair, by linear programs."""
     count, free = len(weights), kernel.shape[1]
     padded = np.pad(weights, ((0, 0), (0, free)))
     nonnegative = np.concatenate([padded, np.hstack([particular, kernel])])

@@ -166,7 +166,7 @@ def least_multipliers(
 def edge_names(
     program: Program, at: Linearisation, weak: Bool[np.ndarray, " inequalities"], weightless: Bool[np.ndarray, " n_obj"]
 ) -> str:
-    """Return the names of weakly active limits, kinks and weightless objectives."""
+    """Return as text the weakly active limits, kinks, and objectives of weight 0."""
     bounds = int(np.count_nonzero(np.isfinite(program.upper)))
     rows = np.flatnonzero(weak)
     limits = [name for i in rows[rows < at.elastic] for name in program.inequality_names[i : i + 1]]  # some lack one
@@ -288,7 +288,7 @@ def weight_ratios(
 ) -> Float[np.ndarray, "n_obj n_obj 2"]:
     """Return the range of λ_i/λ_j over all multipliers of a critical point.
 
-    It is NaN if a weight is 0. With cones the multipliers are assumed to be unique. Raises SolverFailed.
+    It is NaN if a weight is 0. With cones, multipliers are assumed to be unique. Raises SolverFailed.
     """
     reliable = np.where(weights >= OPTIONS.weight, weights, np.nan)
     ratios = reliable[:, None] / reliable[None, :]
@@ -339,7 +339,7 @@ def certify(
     program: one program for all points, or one per point
     signs: −1 for maximised objectives, else 1
     violation_between: violation of limits between samples, which the program does not evaluate
-    exceeded: name of the limit exceeded between samples, "" for none; a point that exceeds one is no minimum
+    exceeded: name of the limit exceeded between samples, "" for none; a point that exceeds one is not a minimum
     discretisation: errors of the objectives; a minimum with too large an error is "under-resolved"
     observe: function called with the number of certified points and of all points
     """

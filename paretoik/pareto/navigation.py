@@ -1,9 +1,9 @@
 """Move along a front from a known point to a new one, the best optimum that is found.
 
-The start's branch is followed. If it ends or bends back, or a known point is better, the nearest known points that
-fulfil the wish are followed to it; if none leads there, the program is solved from these, from points between them and
-the start, and last from farther points. If the front jumps, the best optimum may be in a valley without any of these
-points: the search also starts behind the start, with a barrier high enough to leave a valley.
+The start's branch is followed. If it ends or bends back, or a known point is better, the branches of the nearest known
+points that fulfil the wish are followed to it. If none leads there, the program is solved from these points, from
+points between them and the start, and last from farther points. If the front jumps, the best optimum may be in a valley
+without any of these points: the search also starts behind the start, with a barrier high enough to leave a valley.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class NavigationOptions:
     augmentation: float = 5e-4  # weight ρ of the sum of all objectives
     share: float = 0.5  # largest ρ as a share of the least weight, so that a point is the optimum of its own goal
     neighbours: int = 3  # number of known points to start from
-    farther: int = 12  # number of further known points to start from if those lead nowhere
+    farther: int = 12  # number of further known points to start from if the first ones lead to no optimum
     better: float = 1e-7  # smallest gain that makes one point better than another
     worthwhile: float = 0.02  # smallest share of the way for which a partly followed branch is returned
     places: int = 3  # number of places between two points that are tested for a barrier
@@ -138,7 +138,7 @@ class Destination:
 def move(
     program: Program, front: FrontPoints, start: int, aim: Aim, between: Between, *, solver: Solver = "auto"
 ) -> Destination | None:
-    """Return the result of a move from a known point, if any."""
+    """Return the result of a move from a known point; None if no optimum is found."""
     # follow the start's branch, and those of rivals
     goal, neighbours = aim.at_share(1.0), _neighbours(front, start, aim)
     followed = _follow(program, front, start, goal)
@@ -232,7 +232,7 @@ def _follow(program: Program, front: FrontPoints, i: int, goal: Goal) -> Continu
 
 
 def _neighbours(front: FrontPoints, start: int, aim: Aim) -> list[int]:
-    """Return known points that improve enough.
+    """Return the known points that improve the objective enough.
 
     The points with the least excess over the other bounds come first, the nearest first on a tie.
     """
@@ -249,7 +249,7 @@ def _nearest(front: FrontPoints, aim: Aim) -> list[int]:
 
 
 def _gains(front: FrontPoints, aim: Aim) -> Float[np.ndarray, " points"]:
-    """Return points' gains in the improved objective, as shares of its range."""
+    """Return every point's gain in the improved objective, as a share of its range."""
     k = aim.wish.improve
     return np.asarray((aim.start[k] - front.objectives[:, k]) / aim.ranges[k])
 
@@ -273,7 +273,7 @@ def _solve(
     barriers: tuple[InteriorPointOptions, ...],
     solver: Solver,
 ) -> list[Point]:
-    """Return the optima that points lead to, by their first converging barriers."""
+    """Return the optima that points lead to, each by the first barrier that converges."""
     optima, unsolved, starts = list[Point](), np.ones(len(points), dtype=bool), np.array(points)
     for options in barriers:
         rows = np.flatnonzero(unsolved)

@@ -33,8 +33,8 @@ Observe: TypeAlias = Callable[..., object]
 def objective_sizes(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, " n_obj"]:
     """Return the size of every objective at points.
 
-    It is the largest |F|, or first-order change of F in a step of RMS length 1 rad along the gradient if that is more:
-    at optima F itself may be only rounding. Changes by auxiliary variables have no such length and do not count.
+    It is the largest |F|, or the largest first-order change of F in a step of RMS length 1 rad along the gradient if
+    that is more, as F may be almost 0 at optima. Auxiliary variables have no unit of length and do not count.
     """
     at = [program.linearise(one) for one in x]
     values = np.array([each.objectives[:n_obj] for each in at])
@@ -66,9 +66,11 @@ def minimise_weighted(
         minimise    weights · F(x)
         subject to  F(x) ≤ upper (ε)
 
-    Only the first n_obj objectives of the program are weighted and bounded. ``barrier`` is common, or one per point.
-    ``observe`` is called after each batch of ``batch`` points. Workers get all points at once; it is called as they
-    return them.
+    Only the first n_obj objectives of the program are weighted and bounded.
+
+    barrier: solver settings, common or one per point
+    observe: function called after each batch of ``batch`` points; workers get all points at once, and it is called
+        when they return some
     """
     count, n_obj = len(x), weights.shape[1]
     upper = np.full((1, n_obj), np.inf) if upper is None else upper
@@ -128,8 +130,8 @@ def minimise_from(
 ) -> Solutions:
     """Return the local minima of weights · F that points lead to.
 
-    None is worse than a feasible start. If no barrier improves a feasible start, it is returned: as converged if a
-    solution equals it to rounding, else with the status of no progress.
+    No minimum is worse than its start, if that is feasible. If no barrier improves a feasible start, it is returned: as
+    converged if a solution equals it within rounding, else with the status of no progress.
     """
     factors = np.pad(weights, (0, len(program.upper) - len(weights)))
     starts = evaluate_points(program, x)
@@ -203,7 +205,7 @@ class ColdSearch(Protocol):
     def optima_below(
         self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float
     ) -> Solutions | None:
-        """Return an objective's optima from cold starts, others below ``upper``.
+        """Return an objective's optima from cold starts, with the others below ``upper``.
 
         The objectives of ``program`` are divided by their ranges; the others count with ``weight``.
         """
@@ -285,8 +287,8 @@ def optima_alone(
 ) -> Points:
     """Return one objective's optima, best first, also from feasible ``initial`` points.
 
-    From initial points the other objectives have a small weight: else one could rise without bound along a direction
-    that costs the first nothing. Raises the errors of ``cold`` if there are no initial points.
+    From initial points the other objectives have a small weight. Otherwise one of them could rise without bound along a
+    direction in which the first does not change. Raises the errors of ``cold`` if there are no initial points.
     """
     if initial is None or not len(initial):
         return cold.optima(objective)

@@ -1,4 +1,4 @@
-"""The nonlinear program of an objective over a few samples ahead.
+"""The nonlinear program that minimises an objective over a few samples ahead.
 
     minimise    Σ f(qₖ, q̇ₖ, q̈ₖ) Δt      over q₁ ... q_h, the last sample with a terminal weight
     subject to  h(qₖ, xₖ) = 0             the path's equations, sample by sample
@@ -82,7 +82,7 @@ class HorizonProgram:
         velocity: Float[np.ndarray, " dof"],
         targets: Float[np.ndarray, "horizon numbers"],
     ) -> HorizonSolution:
-        """Return the local minimum from positions ahead."""
+        """Return the local minimum found from the positions ahead ``q``, after a posture and its velocity."""
         from paretoik.resolution.horizon_newton import minimise  # here: numba is slow to load
 
         inputs = self.inputs(q, posture, velocity, targets)
@@ -160,7 +160,8 @@ def quartic_spline(
     """Return the coefficients of a C² quartic spline through points one unit of time apart.
 
     Its derivatives are ``rate`` and ``second`` at the first point, and 0 at the last; only the first is 0 there if the
-    spline has one piece. These conditions determine two pieces, as in the paper; of more pieces, the jerk is least.
+    spline has one piece. These conditions determine two pieces, as in the paper; with more pieces, the jerk is
+    minimised.
     """
     pieces, dof = len(points) - 1, points.shape[1]
     conditions = np.concatenate([points[:-1], points[1:], rate[None], second[None]])

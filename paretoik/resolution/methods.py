@@ -186,7 +186,7 @@ class DampedLeastSquares(VelocityMethod):
 class WeightedLeastNorm(DampedLeastSquares):
     """Joints are slow near their position limits, and free when leaving.
 
-    A joint at or past its limit stays there: nothing pushes it back. Source: Chan & Dubey 1995; Wan et al. 2018,
+    A joint at or past its limit stays there, as there is no repulsion. Source: Chan & Dubey 1995; Wan et al. 2018,
     Eqs. 10, 11 and 14.
     """
 
@@ -225,7 +225,7 @@ class GradientProjection(DampedLeastSquares):
         return (*super().parameters(times), *(one.parameter for one in self.criterion_list))
 
     def with_values(self: Gradient, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Gradient:
-        """Return the method with values (motions,) for some numbers or gains of criteria."""
+        """Return the method with values (motions,) in place of some numbers or gains of criteria."""
         gains = {one.parameter.name: one for one in self.criterion_list}
         criteria = [replace(one, gain=values.get(name, one.gain)) for name, one in gains.items()]
         return replace(
@@ -237,7 +237,7 @@ class GradientProjection(DampedLeastSquares):
 class WeightedGradientProjection(GradientProjection):
     """Joints near position limits are clamped and repelled.
 
-    Criteria have weight only if they are bad.
+    A criterion has weight only if its value is bad.
 
     buffer: Ω, share of a joint's range at each end in which it is clamped
     repulsion: t_rmax, velocity of repulsion at a limit [rad/s, m/s]
@@ -273,7 +273,7 @@ class WeightedGradientProjection(GradientProjection):
         return (*super().parameters(times), *(Parameter(name, 0.0, 1.0) for name in names))
 
     def with_values(self: Weighted, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Weighted:
-        """Return the method with values (motions,) for some numbers, gains or priorities."""
+        """Return the method with values (motions,) in place of some numbers, gains or priorities."""
         names = self._priority_names
         method = super().with_values({k: v for k, v in values.items() if k not in names}, times)
         if not any(name in values for name in names):
@@ -337,9 +337,9 @@ class Nedungadi(Method):
 
     tolerance: tolerance of every integration step, a number or an array (*batch,)
 
-    It begins with the velocities of least kinetic energy, and no torque drives the self-motion. It is exact, not by
-    steps. Source: Nedungadi & Kazerounian 1989; Tringali & Cocuzza 2020, Eq. 20, with corrected sign. Raises
-    InvalidInput for a tolerance that is not positive.
+    It begins with the velocities of least kinetic energy, and no torque drives the self-motion. It is integrated with
+    adaptive steps, not with those of the samples. Source: Nedungadi & Kazerounian 1989; Tringali & Cocuzza 2020, Eq.
+    20, with corrected sign. Raises InvalidInput for a tolerance that is not positive.
     """
 
     tolerance: Number = field(default=1e-8, metadata={"search": (1e-12, 1e-3), "scale": "log"})

@@ -1,7 +1,7 @@
 """Predictive minimisation of an objective over a few samples ahead.
 
-At every update the positions ahead with the least integral of the objective are computed (``horizon``), with a quartic
-spline through them. The steps until the next update follow this spline in the null space of the task.
+Every update computes the positions ahead with the least integral of the objective (``horizon``), and a quartic spline
+through them. The steps until the next update follow this spline in the null space of the task.
 
 Source: Tringali & Cocuzza 2021, Table 1.
 """
@@ -136,7 +136,7 @@ class PredictiveTraces(Traces):
     predictions: positions ahead (updates, horizon, dof) [rad, m]
     values: minimised objective over the horizon, the last sample with its terminal weight
     converged: whether the prediction is a minimum on the path
-    iterations, seconds: effort of each update, with the spline
+    iterations, seconds: effort of each update, including the spline
     """
 
     updates: Int[np.ndarray, "*batch updates"]
@@ -290,7 +290,7 @@ class Predictor:
     def next_position(self, k: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, *, is_off_path: bool) -> np.ndarray:
         """Return the desired positions at the sample after k, from a new prediction if one is due.
 
-        They are those at k if the arm is off the path, or the prediction has ended.
+        They are those at k if the arm is off the path, or if the prediction does not reach the sample.
         """
         if is_off_path:
             self._spline = self._spline[:0]

@@ -50,7 +50,7 @@ def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_dist
 
     Raises InvalidInput, naming the criterion, if it depends on more than one sample's positions and velocities.
     """
-    motion = trace_sample(task, duration=1.0)  # so that means over time have the value of one sample
+    motion = trace_sample(task, duration=1.0)  # so that a mean over time has the value of one sample
     trace, tape = motion.trace, motion.trace.tape
     travels = np.concatenate([each.displacements(task.times) for each in task.tasks], axis=1)
     targets, travel = (list(trace.inputs(width).entries) for width in (task.targets.shape[1], travels.shape[1]))
@@ -198,7 +198,7 @@ class Parameter:
     scale: "linear", "log" to search its decimal logarithm, or "integer" for whole numbers
     fields: fields of the method that the number sets, by default the field of the same name
 
-    Raises InvalidInput for bounds that are no range.
+    Raises InvalidInput for invalid bounds.
     """
 
     name: str

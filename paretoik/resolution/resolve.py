@@ -35,7 +35,7 @@ from paretoik.task.validation import motion_task
 
 LOST_STEPS = {
     "held": "no velocities satisfy the task",
-    "shortened": "a joint were to go more than 1 rad or m in the step",
+    "shortened": "a joint would move more than 1 rad or m in the step",
     "limited": "limits leave no velocities that satisfy the task",
 }
 Unreachable = Literal["refuse", "track"]

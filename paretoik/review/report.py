@@ -32,7 +32,7 @@ from paretoik.search.maximin import greedy_order
 from paretoik.task.limits import JOINT_UNITS, LIMITED
 from paretoik.task.motion import Motion
 
-# Motions in a report: curves and arms in small blocks, one per point, for as many as fit.
+# Motions in a report: curves and arms in small blocks, one per point, as many as fit.
 
 
 STEPS = 65535  # steps of a channel's range: values are integers of 16 bits
@@ -70,7 +70,7 @@ class ReportMotions:
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
-        """The drawn joint quantities; without masses no torques and powers, since they are 0."""
+        """The drawn joint quantities; torques and powers are left out if they are all 0."""
         massless = not np.any(self.motions.torque)
         return tuple(kind for kind in JOINT_UNITS if not (massless and kind in ("torque", "power")))
 
@@ -165,7 +165,7 @@ SCRIPTS = ("page.js", "front.js", "curves.js", "arm.js", "start.js")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReportPage:
-    """The page of some points of a report's front; motions get space in the order of their ``rows``."""
+    """The page for some points of a front: ``rows``, in the order in which their motions get space."""
 
     report: Report
     rows: Int[np.ndarray, " points"]
@@ -281,7 +281,7 @@ class ReportPage:
 
     @cached_property
     def _checks(self) -> dict[str, tuple[str, Values]]:
-        """Return the checks of every point, by column head: their meaning, and their values."""
+        """Return the meaning and values of every check, by column head."""
         violated = "worst of all limits at the samples, as a share of its range"
         front, certificates = self.front, self.front.certificates
         if certificates is None:
@@ -301,7 +301,7 @@ class ReportPage:
 
 @cache
 def plotly_bundle() -> tuple[str, str]:
-    """Return Plotly's JavaScript, and the same by gzip and base64: two fifths of its size."""
+    """Return Plotly's JavaScript, plain and compressed (gzip and base64) to two fifths of its size."""
     from plotly.offline import get_plotlyjs
 
     source = str(get_plotlyjs())
@@ -315,7 +315,7 @@ def _page_file(name: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class ReportOptions:
-    """The most bytes of a page, and the most points that it lists and draws.
+    """Largest size of a page [bytes], and largest numbers of points that it lists and draws.
 
     There are fewer points if they do not fit; at least one point and the script are on every page.
     """
@@ -356,7 +356,7 @@ class Report:
     def page(self) -> str:
         """Return the page; the same report makes the same page."""
         count, first = min(self.options.points, len(self.front)), list(self.marks) or [0]
-        while True:  # the marked points, then each next one far from all earlier ones (MaxiMin)
+        while True:  # the marked points, then always the point farthest from all earlier ones (MaxiMin)
             distances = np.full(len(self.front), np.inf)
             rows = greedy_order(self.front.shares, count, distances, first[:count])[0]
             page = ReportPage(report=self, rows=rows)

@@ -449,4 +449,4 @@ def _merge_links(
         notices = tell(aside, "off the chain, taken as a point mass")
     if suspects and inertia_fault(body.inertia):
         return body, tell(suspects, "repair_inertias=True (--repair-inertias) makes its principal moments {}"), notices
-    return body, [], [*notices, *tell(suspects, "the body that it is a part of has a real one")]
+    return body, [], [*notices, *tell(suspects, "the body that contains it has a possible one")]

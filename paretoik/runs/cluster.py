@@ -1,6 +1,6 @@
 """Workers of a Dask cluster, which get tasks from its scheduler.
 
-The client decides which items form a task, which are tried again, and when an item is given up. Workers that die are
+The client decides which items form a task, which are tried again, and when an item is given up. Workers that end are
 replaced; the scheduler leaves out workers that are silent for its ``worker-ttl`` (five minutes).
 """
 
@@ -48,7 +48,7 @@ class ClusterOptions:
     ahead: number of tasks per thread at the scheduler
     interval: time between two checks for a signal
     watch: time between two checks of the workers
-    connection: time until somebody must listen at the address; a scheduler that is silent for longer is reported
+    connection: time until a process must listen at the address; a scheduler that is silent for longer is reported
     patience: time until the scheduler must answer, reconnect, or have a worker
     """
 
@@ -72,7 +72,7 @@ class Task(NamedTuple):
     """A pickled function with pickled pairs of place and item, as bytes.
 
     key: key of the shared object
-    seconds: time that an item may take, None for no limit
+    seconds: longest time for an item, None for no limit
     software: versions that the worker must have
     """
 
@@ -121,7 +121,7 @@ _LOCAL = _Local()
 
 
 def itself(shared: bytes) -> bytes:
-    """Return the shared object, which Dask, as the result of a task, sends again to workers that replace others."""
+    """Return the shared object; as a task's result, Dask sends it also to workers that replace others."""
     return shared
 
 
@@ -156,14 +156,14 @@ def _keep_memory() -> None:
         ctypes.CDLL(None).mallopt(-1, 64 * 2**20)  # M_TRIM_THRESHOLD [bytes]; glibc itself grows to this value
 
 
-# Connection to a Dask scheduler: if nobody listens, the error comes soon; a slow scheduler gets more time.
+# Connection to a Dask scheduler: if no process listens, the error comes soon; a slow scheduler gets more time.
 
 
 def connect(address: str, options: ClusterOptions, tell: Callable[[str], None]) -> Any:
     """Return Dask's client of the scheduler at an address.
 
-    Somebody must listen there within ``connection`` seconds, and answer within ``patience`` seconds, as its machine may
-    be busy. Raises InvalidInput if not, Interrupted soon after a signal.
+    A process must listen there within ``connection`` seconds, and answer within ``patience`` seconds, as its machine
+    may be busy. Raises InvalidInput if not; Interrupted soon after a signal.
     """
     from distributed import Client
     from distributed.comm import get_address_host_port
@@ -209,7 +209,7 @@ CANCELLED = ("cancelled", "lost")  # Dask's statuses of a future that its schedu
 class Cluster:
     """The workers of a Dask scheduler at an ``address``.
 
-    Raises InvalidInput if Dask is not installed or no scheduler answers, Interrupted soon after a signal.
+    Raises InvalidInput if Dask is not installed or no scheduler answers; Interrupted soon after a signal.
     """
 
     def __init__(self, address: str, options: ClusterOptions = OPTIONS) -> None:
@@ -278,7 +278,7 @@ class Cluster:
         """Send every worker the shared object; return whether tasks may follow.
 
         Dask prefers workers that have a task's inputs, and moves tasks to other workers by the times of earlier tasks.
-        If only one worker had the object, the others might start one after the other, each one task later.
+        If only one worker had the object, the others could start one after the other, each a task later than the last.
         """
         future = self.shared()
         if future.status == "pending":
@@ -327,7 +327,7 @@ class ClusterWatch:
     def look(self) -> None:
         """Count the worker threads, unless that was done recently.
 
-        Raises SolverFailed if nobody returns or answers, Interrupted soon after a signal.
+        Raises SolverFailed if no worker returns or no scheduler answers; Interrupted soon after a signal.
         """
         now, client, threads = time.monotonic(), self.cluster.client, None
         if now - self.looked < self.options.watch:
@@ -440,7 +440,7 @@ class _Round:
             raise InvalidInput(f"cluster: on every worker {result.reason}")
         self.cluster.origins.add(result.origin)
         if result.origin.processor != processor():
-            self.cluster.tell("workers have another make of processor: the run is reproducible to tolerance alone")
+            self.cluster.tell("workers have another make of processor: the run is reproducible only within a tolerance")
         for place, reply in result.replies:
             self.answered += 1
             self.computed += getattr(reply, "seconds", 0.0)

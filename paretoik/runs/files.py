@@ -1,6 +1,6 @@
 """The files of a run folder: their names, and `run.json`.
 
-`run.json` is strict JSON: its format, the entries of the run, and a SHA-256 digest of these, so that a truncated or
+`run.json` is strict JSON: its format, the entries of the run, and a SHA-256 digest of both, so that a truncated or
 changed file is refused.
 """
 
@@ -81,8 +81,8 @@ def check_target(
 ) -> None:
     """Raise InvalidInput, with ``name``, if no file can be written there.
 
-    The check comes before any computation. Refused are folders unless ``folder``, names that the system refuses, and a
-    run's own files. Existing files are refused without ``overwrite``, except files of paretoik with this ``mark``.
+    The check comes before any computation. It refuses folders unless ``folder``, names that the system refuses, and a
+    run's own files. Without ``overwrite`` it also refuses existing files, except files of paretoik with this ``mark``.
     """
     kind = "a folder of its own" if folder else "a file"
     if file.name in ("", ".."):
@@ -107,7 +107,7 @@ def check_target(
 def run_bytes(entries: Mapping[str, Any]) -> bytes:
     """Return the content of a `run.json` or `choices.json`: the format, the `entries`, and the digest of both.
 
-    Raises TypeError or ValueError if an entry is no strict JSON.
+    Raises TypeError or ValueError if an entry is not strict JSON.
     """
     run = json.loads(json.dumps({"format": FORMAT, **entries}, allow_nan=False))  # as it will be read
     return json.dumps(run | {"digest": digest(run)}, indent=2).encode() + b"\n"
@@ -116,7 +116,7 @@ def run_bytes(entries: Mapping[str, Any]) -> bytes:
 def result_files(entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> dict[str, bytes]:
     """Return a result's files by name, including `run.json` with ``entries`` and the digests of the files.
 
-    Raises TypeError or ValueError if an entry is no strict JSON.
+    Raises TypeError or ValueError if an entry is not strict JSON.
     """
     digests = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
     return {**contents, RUN: run_bytes({**entries, "files": digests})}
@@ -137,7 +137,7 @@ def write_run(folder: Path, entries: Mapping[str, Any]) -> None:
 def read_run(file: Path, *, kind: str = "a run") -> dict[str, Any]:
     """Return the entries of a `run.json`, or of another ``kind`` of file of its format; its digest is not checked.
 
-    Raises InvalidRun if the file is missing, a link, no strict JSON, no run, or of another format.
+    Raises InvalidRun if the file is missing, a link, not strict JSON, not a run, or of another format.
     """
     try:
         content = read_plain_file(file)
@@ -166,7 +166,7 @@ def is_run(file: Path) -> bool:
 
 
 def has_result(folder: Path) -> bool:
-    """Return whether a folder has a run with a result; one of another version may have one and counts."""
+    """Return whether a folder has a run with a result; a run of another version counts, as it may have one."""
     run = _entries(folder / RUN)
     return run is not None and ("files" in run or run["format"] != FORMAT)
 
@@ -190,10 +190,10 @@ def was_cut_off(folder: Path) -> bool:
 
 
 def unfinished_note(folder: Path) -> str:
-    """Return the words after an error: how to resume the run.
+    """Return the text to add to an error: how to resume the run.
 
-    They also name the folder of the run to be replaced. A run that found no feasible motion would end in the same way:
-    then its reason is returned.
+    It also names the folder of the run to be replaced. If the run found no feasible motion, it would end in the same
+    way again: then the text is its reason.
     """
     former, run = folder / FORMER, _entries(folder / RUN) or {}
     if run.get("status") == "Infeasible":
@@ -241,7 +241,7 @@ def to_json(value: Any, *, name: str = "run") -> Any:
 
 
 def read_plain_file(file: Path) -> bytes:
-    """Return the content of a plain file; raises InvalidRun for links, which lead anywhere, and pipes."""
+    """Return the content of a plain file; raises InvalidRun for links, which may lead anywhere, and pipes."""
     try:
         if file.is_symlink() or not file.is_file():
             raise InvalidRun(f"{file} must be a plain file, got {missing_file(file)}")

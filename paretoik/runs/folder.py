@@ -17,15 +17,15 @@ from paretoik.runs.files import CONTENTS, FORMER, RUN, can_resume, has_result, i
 # The run that a new one replaces: it is set aside, and restored if the new one has no result.
 #
 # Its files move into `.former-run`, a folder within the run's own. While they move, in or out, it is called
-# `.former-run.part`, and its files belong back. So if the process is killed at any moment, the next one knows which of
-# the two runs is whole. The caller of these functions holds the folder's lock.
+# `.former-run.part`, and its files belong to the run's own folder. So if the process is killed at any moment, the next
+# one knows which of the two runs is whole. The caller of these functions holds the folder's lock.
 
 
 PART = f"{FORMER}.part"
 
 
 def set_aside(folder: Path) -> None:
-    """Move the run in a folder into `.former-run` within it, or remove one without result that cannot resume."""
+    """Move the run in a folder into `.former-run`; remove it if it has no result and cannot resume."""
     if has_result(folder) or can_resume(folder):
         part = folder / PART
         part.mkdir()
@@ -126,7 +126,7 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
 
 
 def _check_replaceable(place: Path, *, overwrite: bool) -> None:
-    """Raise InvalidInput for a run that needs permission to overwrite. These runs have a result, or can resume."""
+    """Raise InvalidInput for a run with a result, or one that can resume, without ``overwrite``."""
     if not overwrite and (has_result(place) or was_cut_off(place)):
         raise InvalidInput(f"{place} must be a new folder, got one that holds a run; use --overwrite to replace it")
 
@@ -147,7 +147,7 @@ def lock_folder(place: Path) -> Iterator[Path]:
 
 @contextmanager
 def reclaim_folder(place: Path) -> Iterator[Path]:
-    """Lock the folder of a resumed run, with all files there; a result removes the run that it replaces.
+    """Lock the folder of a resumed run, with all its files; if it has a result, remove the run that it replaces.
 
     Raises InvalidInput if the folder cannot be locked, or another process is writing into it.
     """
@@ -162,7 +162,7 @@ def reclaim_folder(place: Path) -> Iterator[Path]:
 
 @contextmanager
 def _locked(place: Path) -> Iterator[None]:
-    """Lock the folder of a run, or an empty one. Raises InvalidInput for other folders."""
+    """Lock the folder of a run, or an empty folder, in the body; raises InvalidInput for other folders."""
     with _refusal(place):
         names = sorted(entry.name for entry in place.iterdir())
     others = [name for name in names if not name.startswith((LOCK, f".{RUN}.", FORMER, SAVED))]
@@ -204,6 +204,6 @@ def check_no_run(folder: Path) -> None:
 
 
 def check_other_folder(name: str, folder: Path, *sources: Path | None) -> None:
-    """Raise InvalidInput, with ``name``, if a folder is a source, as its content would come from itself."""
+    """Raise InvalidInput, with ``name``, if a folder to write is also one of the ``sources``."""
     if any(source is not None and source.resolve() == folder.resolve() for source in sources):
         raise InvalidInput(f"{name} must not be the folder of the source run, got {folder}")

@@ -1,8 +1,8 @@
 """The journal of a run: computed values by keys of inputs.
 
 Values are appended when they are computed, so that none is computed twice. A run that was stopped or killed starts
-again with its journal: it takes from there the values that it computed before from the same inputs, and computes the
-others. Values depend on their inputs only, so the result is, bit for bit, that of a run that never stopped.
+again with its journal: it takes the values of equal inputs from there, and computes the others. Values depend on their
+inputs only, so the result is, bit for bit, that of a run that never stopped.
 
 The file is a sequence of frames: `MARK`; the key (32 bytes); the length of the payload (8 bytes, little-endian); the
 SHA-256 digest of key and payload; and the payload: NumPy arrays one after the other, the first with the names of the
@@ -42,7 +42,7 @@ Compute: TypeAlias = Callable[[], Values]
 class Journal:
     """The journal in a file, which is made if it is missing; the caller must hold the lock of its folder.
 
-    Warns of damaged frames. Raises InvalidRun if the file is no journal, InvalidInput if the system refuses it.
+    Warns of damaged frames. Raises InvalidRun if the file is not a journal; InvalidInput if the system refuses it.
     """
 
     def __init__(self, file: Path) -> None:
@@ -131,7 +131,7 @@ _ACTIVE: list[Journal] = []  # one at most: a process computes one run at a time
 
 @contextmanager
 def journalled(file: Path | None) -> Iterator[Journal | None]:
-    """Use the journal in a file, None for no journal, while the body runs; within another's body that one is used."""
+    """Use the journal in a file, if any, while the body runs; if another one is in use, that one is kept."""
     if file is None or _ACTIVE:
         yield None
         return
@@ -156,15 +156,15 @@ def without_journal() -> Iterator[None]:
 
 
 def is_journalled() -> bool:
-    """Return whether computed values are remembered."""
+    """Return whether computed values go into a journal."""
     return bool(_ACTIVE)
 
 
 def remembered(key: bytes | None, compute: Compute) -> Values:
     """Return a key's values from the journal, or from ``compute``.
 
-    Computed values go into the journal. The key is that of all inputs, None if nothing is to be remembered. Values are
-    plain arrays by name. Values computed after a signal may be incomplete and are not remembered.
+    Computed values go into the journal. The key is the digest of all inputs, None if nothing is to be remembered.
+    Values are plain arrays by name. Values computed after a signal may be incomplete and are not remembered.
     """
     if not _ACTIVE or key is None:
         return compute()
@@ -179,7 +179,7 @@ def remembered(key: bytes | None, compute: Compute) -> Values:
 
 
 def recalled(key: bytes) -> Values | None:
-    """Return a key's values from the journal, None without a journal or values."""
+    """Return a key's values from the journal; None if there is no journal or no values."""
     return _ACTIVE[0].get(key) if _ACTIVE else None
 
 

@@ -59,12 +59,12 @@ class Failures:
 class Archive:
     """All feasible, finite, mutually non-dominated points so far, each with its id.
 
-    A point within 1e-9 of the ranges of an older one is a duplicate and is left out. Above ``capacity`` points only the
-    oldest of each cell of a grid and the best of each objective remain.
+    A point that differs from an older one by less than 1e-9 of each range is a duplicate and is left out. Above
+    ``capacity`` points only the oldest in each cell of a grid and the best of each objective remain.
 
     tolerance, equality_tolerance: largest excess of a feasible point in constraints G ≤ 0 and H = 0, one number or one
         per constraint
-    names: names of the objectives, for causes of failure
+    names: names of the objectives, to name in causes of failure
     """
 
     def __init__(
@@ -133,7 +133,7 @@ class Archive:
         if np.isfinite(violation[best]) and violation[best] < self._smallest_violation:
             self._least_violating, self._smallest_violation = new[best : best + 1], float(violation[best])
 
-        # Feasible new points that are non-dominated and no duplicates enter; old points that they dominate leave.
+        # Feasible, non-dominated new points enter unless they are duplicates; old points that they dominate leave.
         old, new = new[:0] if self.members is None else self.members, new[violation <= 0.0]
         new = new[is_nondominated(np.concatenate((old.F, new.F)), keep_weakly=False)[len(old) :]]
         # mask of new points that repeat an old point or an earlier new one, within the tolerance

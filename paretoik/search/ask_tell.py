@@ -40,7 +40,7 @@ class Candidates:
 
 
 def outcome_of(problem: Any, results: Mapping[str, Any], rows: int) -> dict[str, np.ndarray]:
-    """Return "F", "G", "H" and "cause" of rows; missing numbers are NaN, a cause of no failure is ""."""
+    """Return "F", "G", "H" and "cause" of individuals; missing numbers are NaN, the cause is "" without a failure."""
     columns = {"F": problem.n_obj, "G": problem.n_ieq_constr, "H": problem.n_eq_constr}
     tables = {k: np.asarray(results.get(k, np.full((rows, size), np.nan))) for k, size in columns.items()}
     causes = [str(cause) if cause else "" for cause in results.get("cause", [""] * rows)]
@@ -89,9 +89,9 @@ class Search:
       searched together, from the best of each. The end of a front may be in a basin that is dominated except at its
       bottom.
 
-    It also has the attributes ``archive``: every non-dominated point so far; ``generation``:
-    number of completed generations, the index of the current one; ``evaluations``: number of evaluations in them,
-    failed ones too; ``population``: minimised objectives (individuals, n_obj) of the population, inf in failed rows.
+    It also has the attributes ``archive``: every non-dominated point so far; ``generation``: number of completed
+    generations, which is the index of the current one; ``evaluations``: number of evaluations in these, failed ones
+    too; ``population``: minimised objectives (individuals, n_obj) of the population, inf for failed individuals.
 
     Raises InvalidInput for an invalid size, seed, bound or initial gene, by name and value.
     """
@@ -192,8 +192,9 @@ class Search:
     ) -> None:
         """Tell objectives and constraints of ids, in any order and in any number of parts.
 
-        ``F`` (n, n_obj) is minimised; a feasible point has ``G`` (n, n_ieq) <= 0 and ``H`` (n, n_eq) = 0. A row that is
-        not finite counts as failed; ``causes`` may give reasons. The generation is complete when every id is told.
+        ``F`` (n, n_obj) is minimised; a feasible point has ``G`` (n, n_ieq) <= 0 and ``H`` (n, n_eq) = 0. An individual
+        with values that are not finite has failed; ``causes`` may give reasons. The generation is complete when every
+        id is told.
 
         Raises InvalidInput for an id that is unknown or told twice, or an array of another shape; then nothing changes.
         """
@@ -257,7 +258,7 @@ class Search:
             self._algorithm = self._new_algorithm(initial)
 
     def _new_algorithm(self, initial: ArrayLike | None) -> Any:
-        """Return a new algorithm that is ready to be asked; every stage has its own random numbers."""
+        """Return a new algorithm, ready for ``ask``; every stage has its own random numbers."""
         if self._prototype is not None:
             algorithm = copy.deepcopy(self._prototype)
         elif hasattr(self.problem, "algorithm"):

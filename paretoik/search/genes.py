@@ -1,6 +1,6 @@
 """Genes of any kind: real numbers with or without bounds, and types for pymoo's own operators.
 
-If a gene has no finite bound, populations define how far to search: one width of the population beyond it.
+If a gene has no finite bound, the search reaches one width of the population beyond its values.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def check_sampling(sampling: Any) -> None:
         return
     try:
         genes = np.asarray(sampling)
-    except Exception:  # a foreign array may raise anything
+    except Exception:  # another library's array may raise any error
         genes = np.array("")
     is_usable = genes.dtype.kind in "biuf" and genes.ndim in (1, 2) and not np.isnan(genes).any()
     if not is_usable or np.ma.is_masked(sampling):
@@ -64,13 +64,13 @@ def check_sampling(sampling: Any) -> None:
 
 
 def samples_bits(sampling: Any) -> bool:
-    """Return whether the first population is binary: pymoo's ZDT5, for example, calls its genes real."""
+    """Return whether the first population is binary, as in pymoo's ZDT5, which declares real genes."""
     genes = sampling.get("X") if isinstance(sampling, Population) else sampling
     return isinstance(sampling, BinaryRandomSampling) or (isinstance(genes, np.ndarray) and genes.dtype == bool)
 
 
 def bounds_of(problem: Any) -> tuple[Float[np.ndarray, " genes"], Float[np.ndarray, " genes"]]:
-    """Return the bounds of real genes, infinite if a bound is missing."""
+    """Return the bounds of real genes; missing bounds are infinite."""
     sides = ((problem.xl, -np.inf), (problem.xu, np.inf))
     lower, upper = (np.full(problem.n_var, none) if side is None else np.asarray(side, float) for side, none in sides)
     return lower, upper
@@ -170,7 +170,7 @@ def check_bounds(problem: Any, *, initial: Any = None) -> None:
         if bound is None:
             if initial is None:
                 raise InvalidInput(
-                    f"problem.{name} must have one bound per gene ({problem.n_var}), got none, nor genes to start from"
+                    f"problem.{name} must have one bound per gene ({problem.n_var}), got none; or give initial genes"
                 )
             continue
         if not isinstance(bound, np.ndarray) or bound.shape != (problem.n_var,):

@@ -2,7 +2,7 @@
 
 Distances are Euclidean in objectives normalised by the ideal and nadir of the feasible first rank (selection: Marcos et
 al. 2012). The distance at which a point is selected is its insertion distance; the starting points have inf. It depends
-on the order: even on an even front, the first half has twice the distance of the second. Tournaments therefore compare
+on the order: also on an even front, the first half has twice the distance of the second. Tournaments therefore compare
 the spacing: the sum of a survivor's distances to its n_obj nearest neighbours of the same rank. MaxiMin gives an even
 spread at low cost; it does not maximise hypervolume. Above five objectives almost every point is non-dominated and
 distances mean little: use NSGA-III, or a preferred region with ``ranges``.
@@ -130,12 +130,12 @@ def greedy_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] =
 
 
 def front_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = ()) -> tuple[Integers, Floats]:
-    """Return the result of ``greedy_order``, bit for bit, for a two-objective front; same arguments.
+    """Return the result of ``greedy_order``, bit for bit, for two objectives; same arguments.
 
-    Along a sorted front only the selected neighbours on both sides matter, so the farthest point of a segment depends
-    only on that segment, and all segments are split at once, level by level. A value never exceeds its parent's, and a
-    child tied with its parent was tied already, with a higher index, when the parent was selected. Therefore sorting by
-    value, then index, gives the greedy order.
+    On a sorted front a point's distance depends only on the selected neighbours on both sides. Therefore the farthest
+    point of a segment depends only on this segment, and all segments are split at once, level by level. A point's value
+    never exceeds that of its parent, the point that split its segment. If both are equal, the child has the higher
+    index. Therefore the greedy order is that by value, then by index.
     """
     size = len(Z)
     path = np.lexsort((-Z[:, 1], Z[:, 0]))

@@ -129,7 +129,7 @@ class Limits:
         for j in np.flatnonzero(arm.periodic) if self.position is not None else ():
             own = every["position"][:, j] == arm.position_limits[j]
             if hint := degrees_hint(every["position"][:, j][~own]):
-                warn_user(f"position limit of {arm.joint_names[j]}: {hint}, and np.inf is no limit")
+                warn_user(f"position limit of {arm.joint_names[j]}: {hint}; np.inf means no limit")
                 break
         inwards = self.margin * np.array([1.0, -1.0])
         return {

@@ -54,7 +54,7 @@ def checked_samples(arm: Arm, q: object, time: object) -> tuple[JointPaths, np.n
     if positions.ndim < 2 or positions.shape[-1] != arm.dof:
         raise InvalidInput(f"motion of {arm.name}: q must have shape (..., time, {arm.dof}), got {positions.shape}")
     if positions.shape[-2] < 3 or times.shape not in (positions.shape[-2:-1], positions.shape[:-1]):
-        fact = f"got {times.shape} for {positions.shape}"
+        fact = f"got shape {times.shape} for q of shape {positions.shape}"
         raise InvalidInput(f"motion: time must have one value per sample, at least 3, {fact}")
     for name, values in (("position", positions), ("time", times[..., None])):
         invalid = np.argwhere(~np.isfinite(values))
@@ -102,14 +102,14 @@ class Motion:
 
     - "spline": velocities and accelerations are those of the curve, as in ``state``. The spline passes within about
       δ⁴q/36 of the inner samples. Objectives and limits are evaluated at ``instants``, the samples and the middles
-      between them, integrals by Simpson's rule; those with kinks on ``of_spline``.
+      between them, integrals by Simpson's rule; integrals with kinks use ``of_spline``.
     - "backward" as in Tringali & Cocuzza 2020 (v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the
       rectangle at the right end), or "central" (second order, integrals by the trapezoid rule). These are differences
       of the samples, as in papers: ``dq`` and ``ddq`` differ from ``state`` by their error. The spline passes through
       the samples.
 
-    ``motion[i]`` picks from the batch; arrays are read-only. Raises InvalidInput if shapes don't fit the arm, a number
-    is not finite, times don't increase, or a cyclic motion does not close.
+    ``motion[i]`` selects from the batch; arrays are read-only. Raises InvalidInput if shapes do not fit the arm, a
+    number is not finite, times do not increase, or a cyclic motion does not close.
     """
 
     arm: Arm
@@ -236,7 +236,7 @@ class Motion:
 
     @cached_property
     def tracking_error(self) -> Series:
-        """Largest task error of each sample (*batch, time) [m or rad]; zero without tasks."""
+        """Largest task error of each sample (*batch, time) [m or rad]; 0 without tasks."""
         if not self.tasks:
             return np.zeros(self.q.shape[:-1])
         return read_only(np.abs(self._errors[0]).max(axis=-1))

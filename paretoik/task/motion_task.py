@@ -139,7 +139,7 @@ def _step_bounds(times: Pieces, values: Columns) -> tuple[np.ndarray, np.ndarray
 
 @cache
 def difference_matrix(points: int, order: int) -> np.ndarray:
-    """Return the differentiation matrix of the polynomial through the nearest points. The points are 1 apart."""
+    """Return the matrix of finite differences from the nearest points, which are 1 apart."""
     width = min(OPTIONS.width, points)
     first = np.clip(np.arange(points) - width // 2, 0, points - width)
     matrix = np.zeros((points, points))
@@ -465,7 +465,7 @@ def examine_functions(
 
 
 def require_values(task: MotionTask, motions: Motion) -> Objectives:
-    """Return F as ``evaluate_motions`` does. Raises EvaluationFailed if all motions failed."""
+    """Return F of ``evaluate_motions``; raises EvaluationFailed if all motions failed."""
     F, _, causes = evaluate_motions(task, motions)
     _require_value(causes)
     return F
@@ -498,7 +498,7 @@ def _isolate(
     causes: np.ndarray,
     interruptible: bool,
 ) -> np.ndarray:
-    """Return the values (points, names) of users' functions of motions; NaN if they fail alone."""
+    """Return the values (points, names) of users' functions; NaN for each motion at which they fail."""
     if interruptible:
         check_interruption()
     try:

@@ -83,7 +83,7 @@ class Capsule:
 class Box:
     """A box, or a rectangle in its own xy-plane.
 
-    center: point, or pose of a rotated box; of a rectangle a 2-D point or a pose (``Pose.planar``)
+    center: point, or pose if rotated; for a rectangle a 2-D point or a pose (``Pose.planar``)
     half_sizes: half lengths along its own axes [m], three of a box, two of a rectangle
 
     In space a rectangle is an infinite beam along its own z. Raises InvalidInput for other sizes and centers.
@@ -117,7 +117,7 @@ def _point(name: str, coordinates: ArrayLike, size: int) -> Float[np.ndarray, " 
     return point
 
 
-# Distances of an arm's links from obstacles
+# Distances of an arm's links from obstacles.
 #
 # Every obstacle is convex and has a signed distance to its surface, negative inside. A link is a capsule: the points
 # within a radius of the segment between two consecutive nodes of the arm.
@@ -155,7 +155,7 @@ def clearance(
 
 
 def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 3"], radius: float = 0.0) -> str:
-    """Return in words the link and the obstacle nearest to each other. Both are counted from 1."""
+    """Return in words the nearest pair of a link and an obstacle, both counted from 1."""
     starts, ends = nodes[:-1], nodes[1:]
     distances = np.stack([signed_distance(obstacle, starts, ends) for obstacle in obstacles]) - radius
     obstacle, link = np.unravel_index(int(np.argmin(distances)), distances.shape)

@@ -290,7 +290,7 @@ def line(
         shape = Line(origin, goal - origin, None, np.zeros(3))
     length = CLOSURE_TOLERANCE * np.linalg.norm(shape.origin)  # the error of rounding
     if np.linalg.norm(shape.step) <= length and np.linalg.norm(shape.rotation_vector) <= CLOSURE_TOLERANCE:
-        raise InvalidInput(f"line: start and end must be apart, got both at {shape.origin.tolist()}")
+        raise InvalidInput(f"line: start and end must differ, got both at {shape.origin.tolist()}")
     return sample_curve(TimedCurve(shape, times[-1], timing), times)
 
 

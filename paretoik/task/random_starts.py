@@ -35,7 +35,7 @@ class InverseKinematicsOptions:
     first_damping: float = 4e-3  # more damping in the first iterations
     damped_iterations: int = 5
     quick_starts: int = 32
-    thorough_starts: int = 256  # starts, with five times the iterations, before a sample is out of reach
+    thorough_starts: int = 256  # starts, with five times the iterations, before a sample counts as out of reach
     other_units: float = 10.0  # arm lengths: if a path is farther out of reach, its unit is probably not m
 
 
@@ -61,7 +61,7 @@ def _solve_from_random_starts(
     *,
     iterations: int = POSTURE_OPTIONS.iterations,
 ) -> tuple[Float[np.ndarray, "count dof"], Float[np.ndarray, "count rows"]]:
-    """Return a posture near each of ``samples`` from random starts, and relative task errors."""
+    """Return a posture near each of ``samples`` from random starts, and its relative task errors."""
     lower, upper = task.arm.position_limits.T
     width = np.where(task.arm.periodic, 2 * np.pi, 2 * joint_scales(task.arm))
     low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - width, -width / 2))
@@ -164,7 +164,7 @@ class StartOptions:
     crossing_half: tuple[float, float] = (0.05, 0.4)  # half the share of the path that is taken from the other motion
     crossing_width: tuple[float, float] = (0.05, 0.4)  # share of the path on which motions change over
     longest_jump: float = 0.7  # largest move of a joint from one sample to the next
-    finer: tuple[int, ...] = (2, 4)  # factors of the number of samples if a joint would jump
+    finer: tuple[int, ...] = (2, 4)  # factors of the number of samples, tried if a joint would jump
 
 
 MOTION_OPTIONS = StartOptions()
@@ -252,7 +252,7 @@ def perturbed_starts(
 def recombined_starts(
     task: MotionTask, q: JointPaths, others: JointPaths, rng: np.random.Generator
 ) -> Float[np.ndarray, "found time dof"]:
-    """Return motions on the path that follow ``q``, but for some random time ``others``.
+    """Return motions on the path that follow ``q``, and for a random part of the path ``others``.
 
     Motions are left out if they leave the path or jump farther than both parents: no self-motion connects these.
     """
@@ -314,7 +314,7 @@ def _integrate(
 
 
 def _on_path(task: MotionTask, q: JointPaths, steps: np.ndarray | float = 0.0) -> Float[np.ndarray, "found time dof"]:
-    """Return the motions that are on the path completely after retraction, from the task's start."""
+    """Return the motions that retraction brings completely onto the path, from the task's start."""
     q, on_path = _retract_to_path(task, q, steps)
     if task.start is not None:
         q[:, 0] = task.start
@@ -324,10 +324,10 @@ def _on_path(task: MotionTask, q: JointPaths, steps: np.ndarray | float = 0.0) -
 def _retract_to_path(
     task: MotionTask, q: JointPaths, steps: np.ndarray | float = 0.0
 ) -> tuple[JointPaths, Bool[np.ndarray, "*batch time"]]:
-    """Return motions retracted to the path, and which samples are on it.
+    """Return motions retracted to the path, and a mask of their samples on it.
 
-    A sample is not on the path if a joint jumps to it: if the step from the sample before exceeds ``steps`` by more
-    than ``longest_jump``.
+    A sample also counts as off the path if a joint jumps to it: its step from the sample before exceeds the expected
+    ``steps`` by more than ``longest_jump``.
     """
     scales = joint_scales(task.arm)
     jacobian = relative_errors(task.arm, task.tasks, q, task.targets)[1]

@@ -237,7 +237,7 @@ class Task:
         return np.concatenate(columns, axis=1)
 
     def displacement_components(self, arm: Arm, links: LinkFrames, displacement: Components) -> list[Component]:
-        """Return a row of ``displacements`` in the coordinates of ``errors``. The result has components."""
+        """Return a row of ``displacements`` in the coordinates of ``errors``, as components."""
         components = list(displacement[: self.position_rows])
         if self.has_orientation:
             rotation, _ = frame_components(arm, links, frame_of(arm, self.frame))
@@ -284,7 +284,7 @@ class Task:
 
 
 def error_unit(tasks: Sequence[Task]) -> str:
-    """Return the unit of the largest error of tasks. The unit is m, or "m or rad" for tasks with orientation."""
+    """Return the unit of tasks' largest error: "m", or "m or rad" with orientation."""
     return " or ".join(dict.fromkeys(row_units(tasks)))
 
 
@@ -294,7 +294,7 @@ def row_units(tasks: Sequence[Task]) -> list[str]:
 
 
 def describe_errors(tasks: Sequence[Task], errors: Float[np.ndarray, " rows"]) -> str:
-    """Return in words the largest task errors at a sample. Errors of position are in m, of orientation in rad."""
+    """Return in words the largest task errors at a sample, of position [m] and of orientation [rad]."""
     largest: dict[str, float] = {}
     for unit, error in zip(row_units(tasks), np.abs(errors), strict=True):
         largest[unit] = max(largest.get(unit, 0.0), float(error))

@@ -125,7 +125,7 @@ def _check_plane(arm: Arm, task: Task) -> None:
         swing = np.linalg.norm(relative[:, 1:] - twist[:, None] * axis, axis=1)
         tilt = 2.0 * np.arctan2(swing, np.hypot(relative[:, 0], twist)).max()
         if tilt > largest_tilt:
-            raise InvalidInput(f"{wish}, or axes='xy', got one tilted out of it by {tilt:.3g} rad")
+            raise InvalidInput(f"{wish}, or axes='xy', got a pose tilted by {tilt:.3g} rad")
         if abs(axis[2]) < largest_tilt:
             raise InvalidInput(f"{wish}, with a z axis that leaves it, or axes='xy', got poses whose z axis lies in it")
     distance = (points - frame.position) @ (np.sign(normal[2]) * normal)

@@ -470,7 +470,7 @@ def grid_oracle(
     motions = np.stack([grid.motion(layers.node_path(path)) for path in paths])
     selection = _select_paths(task, level, grid, terms, motions, classes)
     if not terms.second and not np.isclose(selection["values"][0], best, rtol=1e-6, atol=0):
-        raise InvalidInput("grid_oracle: objectives and limits must look at the postures and rates of one sample alone")
+        raise InvalidInput("grid_oracle: objectives and limits must depend only on the posture and rates of one sample")
     bound = np.nan  # lower bound of all motions
     if not quick and not terms.second:
         every = posture_grid(level, curves, spacing, windows, unrolled, beyond=OPTIONS.margin * spacing)

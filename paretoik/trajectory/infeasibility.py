@@ -42,8 +42,8 @@ from paretoik.trajectory.transcription import MotionProgram, motion_program
 def warn_of_obstructed_path(task: MotionTask) -> None:
     """Warn if an obstacle is too near to the tool's path.
 
-    This is no error, because a search may still look for the least-violating motion. The tool is the last
-    link's end.
+    This is not an error, because a search may still look for the least-violating motion. The tool is the last link's
+    end.
     """
     for distances in _tool_distances(task):
         obstacle, sample = np.unravel_index(int(np.argmin(distances)), distances.shape)
@@ -75,7 +75,7 @@ def obstructed_sample(task: MotionTask, sample: int | None = None) -> int | None
 def _tool_distances(task: MotionTask) -> Iterator[Float[np.ndarray, "obstacles time"]]:
     """Yield the tool's distances from all obstacles, along each of its paths.
 
-    Only paths that fix the tool's whole position count.
+    Only paths that fix all coordinates of the tool's position count.
     """
     for followed in task.tasks if task.obstacles else ():
         follows_tool = task.arm.frame(followed.frame).pose is task.arm.tool
@@ -92,7 +92,7 @@ def _tool_distances(task: MotionTask) -> Iterator[Float[np.ndarray, "obstacles t
 
 @dataclass(frozen=True, kw_only=True)
 class InfeasibilityOptions:
-    """Settings of deciding that limits cannot all be satisfied."""
+    """Settings of the decision whether all limits can be satisfied."""
 
     doubt: float = 1e-3  # share of a range: the search handles smaller violations
     clear: float = 0.1  # share of a range: no finer level or posture removes a larger violation of rates and torques
@@ -171,9 +171,9 @@ def _violations(level: MotionTask, q: JointPaths) -> Float[np.ndarray, " motions
 
 
 def _limits_program(level: MotionTask) -> MotionProgram | None:
-    """Return the program of a task's limits; else None.
+    """Return the program of a task's limits, if there is one.
 
-    It does not exist if a limit has no derivative, or is a function of the whole motion.
+    There is no such program if a limit has no derivative, or is a function of the whole motion.
     """
     try:
         program = motion_program(replace(level, objectives=(squared_velocity,)))
@@ -192,9 +192,9 @@ def _minimise_violation(program: MotionProgram, q: JointPaths, share: float = 0.
 
 
 def _least_violating(program: MotionProgram, q: JointPaths) -> Float[np.ndarray, "more time dof"]:
-    """Return motions, first a new one with least worst violation.
+    """Return motions, first a new one whose largest violation is least.
 
-    To find it, all limits are widened by the same share.
+    It is found by widening all limits by the same share.
     """
     q = q[np.argsort(_violations(program.task, q))]
     low, high = 0.0, float(_violations(program.task, q[:1])[0])
@@ -288,8 +288,8 @@ def _worst_limit(task: MotionTask, motion: Motion) -> tuple[str, int, float]:
 def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> str:
     """Return remedies for the limit that the least-violating motion violates most.
 
-    The text is "" for a user's own limit. If no posture tried at the sample (or at the worst one) satisfies the limits,
-    it begins with their number.
+    The text is "" for a user's own limit. It says so if gravity is too large to hold the arm at rest, or if none of the
+    postures tried at the sample, by default the worst one, satisfies the limits.
     """
     kind, limit, _ = _worst_limit(task, motion)
     if not kind:
@@ -494,7 +494,7 @@ def _may_reach(
     bend: np.ndarray,
     steps: Sequence[tuple[int, np.ndarray]],
 ) -> np.ndarray:
-    """Return which boxes may reach a sample and, by ``steps``, its neighbours."""
+    """Return a mask of the boxes that may reach a sample and, by ``steps``, its neighbours."""
     error, jacobian = task_errors(task.arm, task.tasks, center, task.targets[sample])
     rest, blur = np.einsum("bi,ij,bj->b", half, bend, half) / 2, half @ bend
     turning = (half * task.arm.periodic).sum(axis=1)

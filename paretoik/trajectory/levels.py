@@ -43,7 +43,7 @@ class LevelProgress:
         return len(self.task.times)
 
     def describe_violation(self, task: MotionTask) -> str:
-        """Return in words, or as "", which limits the least-violating motion breaks."""
+        """Return in words the limits that the least-violating motion breaks; "" if none."""
         if self.feasible or not len(self.optima):
             return ""
         motion = self.task.motion(self.optima[0])
@@ -140,7 +140,7 @@ def level_samples(samples: int) -> list[int]:
 
 
 def first_levels(samples: int) -> list[int]:
-    """Return the levels to try as first one, in order."""
+    """Return the levels to try as the first level, in order."""
     last = len(level_samples(samples)) - 1
     return sorted({0, min(1, last), last})
 
@@ -159,7 +159,7 @@ def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"], first:
 def objective_scales(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
     """Return each objective's size at the best coarse start.
 
-    It is the unit of barriers and tolerances. If one start is next to 0 by chance, it is a share of the usual value.
+    It is the unit of barriers and tolerances. If one start is near 0 by accident, it is a share of the usual value.
     """
     level = task.subsample(q.shape[1])
     sizes = [size[np.isfinite(size)] for size in np.abs(require_values(level, level.motion(q)).T)]

@@ -1,7 +1,7 @@
 """Certificates by differences: no direction along the self-motion improves all objectives at once.
 
-Among directions d that stay on the path, a point is critical if no d lowers all objectives within limits, to
-first order: a linear program over the box |d| ≤ r inside the unit ball,
+A point is critical if no direction d on the path lowers all objectives within limits, to first order. This is a linear
+program over the box |d| ≤ r inside the unit ball,
 
     maximise    t
     subject to  gᵢ·d + Σ wₖ eₖ + t ≤ 0      for every objective i
@@ -11,7 +11,7 @@ first order: a linear program over the box |d| ≤ r inside the unit ball,
 
 The value is a lower bound of the criticality χ, and 0 if and only if χ is. Derivatives are central differences of the
 definitions. A user's function may have unknown kinks, so the direction found is tried. If objectives do not fall
-along it, their slopes there become further pieces, until a better motion is shown or no direction is left.
+along it, their gradients there become further pieces, until a better motion is found or no direction is left.
 """
 
 from __future__ import annotations
@@ -185,7 +185,7 @@ class Pieces:
 
     terms: index (pieces,) of the term of each piece
     values: values (pieces,)
-    slopes: slopes (pieces, directions)
+    slopes: gradients (pieces, directions)
     weights: weights of the terms
     """
 
@@ -257,7 +257,7 @@ class Neighbours:
 
 
 def _gains(near: Neighbours, weights: np.ndarray, accepted: float) -> tuple[float, float, float]:
-    """Return the gains of all objectives at once, of their weighted sum, and of the steepest."""
+    """Return the gains of all objectives at once, of their weighted sum, and of the steepest objective."""
     box = 1.0 / np.sqrt(near.frames.shape[1])
     gain, at = _shown_gain(near, _linearise(near, np.zeros(near.size)), box, accepted)
     weighted = gain if len(weights) == 1 else _best_gain(at, box, weights[None])[0]
@@ -269,7 +269,7 @@ def _gains(near: Neighbours, weights: np.ndarray, accepted: float) -> tuple[floa
 def _neighbours(
     task: Any, model: ArmModel, objectives: Any, factors: np.ndarray, time: np.ndarray, q: np.ndarray
 ) -> Neighbours:
-    """Return the motions near a given one; raises UndecidedError if its tied end is not the nearest posture."""
+    """Return the motions near a given one; raises UndecidedError if its end at rest is not the nearest posture."""
     targets = path_targets(task.tasks, time)
     jacobians = [task_errors(model, targets, q[k], k)[1] for k in range(len(time))]
     frames = [(null_space(jacobian * model.scales) * model.scales[:, None]).T for jacobian in jacobians]
@@ -295,7 +295,7 @@ def _linearise(near: Neighbours, d: np.ndarray) -> FirstOrder:
     """Return objectives and limits to first order at coordinates d, by central differences.
 
     Terms of an instant depend only on samples near it, so samples far apart are moved at once. If the result does not
-    predict the change in a random direction, each sample is moved alone. Raises UndecidedError at a concave kink.
+    predict the change in a random direction, samples are moved one by one. Raises UndecidedError at a concave kink.
     """
     terms = near.terms(d)
     instants = np.concatenate([np.tile(each.instants, len(each.pieces)) for each in terms])
@@ -407,7 +407,8 @@ def _shown_gain(near: Neighbours, at: FirstOrder, box: float, accepted: float) -
         for step in OPTIONS.trials:
             there = near.terms(step * d)
             far, half = _totals(there), _totals(near.terms(step / 2 * d))
-            falls = ((4 * half - far - 3 * start) / step).max() <= -gain / 2  # slopes at the start, without curvature
+            # gradients at the start, without curvature
+            falls = ((4 * half - far - 3 * start) / step).max() <= -gain / 2
             kept = there[-1].pieces.max(initial=0.0) <= max(at.bounds.max(initial=0.0), 0.0) + TOLERANCES.limits
             if falls and kept:
                 if not len(between) or (near.limits_between(step * d) <= between + TOLERANCES.limits).all():
@@ -417,11 +418,11 @@ def _shown_gain(near: Neighbours, at: FirstOrder, box: float, accepted: float) -
             raise UndecidedError(reason)
         pairs = zip(at.objectives, _linearise(near, OPTIONS.probe * d).objectives, strict=True)
         at = replace(at, objectives=tuple(_with_pieces(one, other, OPTIONS.probe * d) for one, other in pairs))
-    raise UndecidedError("kinks of an objective leave it open")
+    raise UndecidedError("undecided, because an objective has kinks")
 
 
 def _with_pieces(at: Pieces, there: Pieces, d: np.ndarray) -> Pieces:
-    """Return an objective's pieces, and those of the motion at coordinates d whose slopes differ."""
+    """Return an objective's pieces, and those of the motion at coordinates d whose gradients differ."""
     values = there.values - there.slopes @ d
     own = at.slopes[: len(there.slopes)]
     other = np.abs(there.slopes - own).max(axis=1) > OPTIONS.kink * np.abs(own).max(axis=1)

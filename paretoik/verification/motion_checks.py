@@ -99,7 +99,7 @@ def check_errors(
         subject, column = f"error of {objective.name}", f"discretisation error of {objective.name}"
         try:
             value, true = stated_value(objective, motion, stated_as), objective_value(objective, finer)
-        except Exception:  # a user's function may raise anything: its value's row has the reason
+        except Exception:  # a user's function may raise any error; the row of its value has the reason
             continue
         size, point = objective_size(entry, value), int(run.ids[row])
         share = abs(true - value) / size
@@ -151,7 +151,7 @@ class ProjectedCurve:
     at: float
 
     def __call__(self, t: np.ndarray, order: int = 0) -> np.ndarray:
-        """Return positions (times, dof), or derivatives of an order, at times [s]."""
+        """Return positions (times, dof) at times [s], or their derivatives of an ``order``."""
         piece = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.series) - 1)
         low, high = self.edges[piece], self.edges[piece + 1]
         place = 2 * (t - low) / (high - low) - 1
@@ -298,7 +298,7 @@ def least_clearance(
 
 
 def _grazing(samples: MeasuredMotion) -> float:
-    """Return how deep [m] links that move along an obstacle may dip into it between clear samples.
+    """Return the largest depth [m] of links in an obstacle between samples that are clear of it.
 
     In an interval h, a link with speed v on a curve of radius R dips by v²h²/8R; a link with acceleration a dips by a
     h²/8. The result is at most half the smallest obstacle size.

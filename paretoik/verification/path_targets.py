@@ -102,7 +102,8 @@ def curve_states(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return positions and rates (time, dof) of a spline's projection along its own normal directions.
 
-    Their derivatives are differences of the fourth order. Too far from the path, the spline's own state is returned.
+    Their derivatives are differences of the fourth order. If the spline is too far from the path, its own state is
+    returned.
     """
     targets, rates = path_targets(tasks, t), [path_rates(task.path, t) for task in tasks]
     states = np.array(spline)
@@ -166,7 +167,7 @@ def sample_points(path: Any) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def task_axes(task: Any, arm: Any) -> tuple[int, tuple[int, ...]]:
-    """Return a task's number of position coordinates, and its orientation axes, those of the frame."""
+    """Return a task's number of position coordinates, and its axes of orientation in the frame."""
     return 2 if task.axes in ("xy", "xy+angle") else 3, TURNING_AXES.get(task.axes, ())
 
 
@@ -201,7 +202,10 @@ def orientation_errors(axes: str, here: np.ndarray, target: np.ndarray) -> np.nd
 def frame_errors(
     model: ArmModel, task: Any, q: np.ndarray, targets: tuple[np.ndarray, np.ndarray | None] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a frame's errors (time, 2 or 3) [m] and (time, 0 to 3) [rad], by default at samples of its path."""
+    """Return a frame's errors of position (time, 2 or 3) [m] and of orientation (time, 0 to 3) [rad].
+
+    targets: positions and rotations; default: those that the path lists for its samples
+    """
     positions, rotations = sample_points(task.path) if targets is None else targets
     size, turning = task_axes(task, model.arm)
     here, place = model.poses(q, task.frame)

@@ -1,4 +1,4 @@
-"""The files of a run, as the verifier reads them. Every fault becomes a row, and all readable files are read."""
+"""The files of a run, as the verifier reads them: every fault becomes a row of the result."""
 
 from __future__ import annotations
 
@@ -267,7 +267,7 @@ def read_contents(folder: Path) -> RunContents:
             else:
                 stored = read_table(content)
                 table = {column: _column(column, stored.column(column)) for column in stored.column_names}
-        except Exception as fault:  # the parser may raise anything; the file is the cause
+        except Exception as fault:  # the parser may raise any error; the file is the cause
             checks.append(demand("files", False, f"{name} cannot be read: {first_line(fault)}"))
     return RunContents(folder=folder, entries=entries, table=table, arrays=arrays, checks=checks)
 

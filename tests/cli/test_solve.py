@@ -54,6 +54,12 @@ def test_json_on_stdout_is_strict_and_holds_the_front_of_the_folder_and_quiet_sa
     assert (said["status"], said["counts"]["generations"]) == ("generations", 3)
 
 
+def test_what_a_users_functions_print_does_not_mix_with_the_result(paretoik, mine, tmp_path):
+    ended = paretoik("solve", f"{mine}:talking", "--out", tmp_path / "run", *SMALL, "--quiet", "--json")
+    assert strict(ended.out)["status"] == "generations"
+    assert ended.err.startswith("hello\nchatter\n")
+
+
 def test_a_run_is_not_replaced_unless_told(paretoik, mine, finished):
     before = {file.name: file.read_bytes() for file in finished.iterdir() if file.is_file()}
     refused = paretoik("solve", f"{mine}:good", "--out", finished, *SMALL, "--quiet")

@@ -107,7 +107,7 @@ def test_a_planar_arm_follows_its_own_points_and_poses_however_it_is_mounted(rpy
     with pytest.raises(InvalidInput, match=r"path must have poses in .*, or axes='xy\+angle', got one 0\.25 m off it$"):
         checked(arm, first, Pose(off, last.quaternion))
     with pytest.raises(
-        InvalidInput, match=r"path must have poses in .*, or axes='xy', got one tilted out of it by 0\.01 rad$"
+        InvalidInput, match=r"path must have poses in .*, or axes='xy', got a pose tilted by 0\.01 rad$"
     ):
         checked(arm, first, last @ Pose.from_rpy([0.0, 0.0, 0.0], [0.01, 0.0, 0.0]))
 

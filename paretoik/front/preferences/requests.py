@@ -90,7 +90,7 @@ class Bounds:
                 text = f"{name} {front.objectives[row, axis]:.4g} misses it by {missed[row, axis]:.3g}"
                 parts.append(f"{with_unit(front, name, text)} ({percent(shares[row, axis])} of {whole})")
             raise Infeasible(
-                f"bounds: a point must have {_in_words(front, limits)}, got none of {len(front)} points; nearest is "
+                f"bounds: a point must have {_in_words(front, limits)}, got none among {len(front)} points; the nearest is "
                 f"point {front.ids[row]}: {list_words(parts)}",
                 motion=None if front.motions is None else front.motions[row],
                 limit=front.names[worst],

@@ -35,8 +35,8 @@ class Lexicographic:
     Miettinen 1999, section 4.2; tolerances as in its section 4.2.2.
 
     ``Lexicographic("kinetic_energy", "torque_norm", tolerances={"kinetic_energy": 0.01})``: ``tolerances`` are in the
-    objective's own units, ``tolerance_shares`` are shares of its stored range. An objective has one of them, or else
-    tolerance 0: then later objectives decide only among equal values.
+    objective's own units, ``tolerance_shares`` are shares of its stored range. An objective has at most one of them. If
+    it has none, its tolerance is 0, and later objectives decide only among equal values.
 
     Raises InvalidInput if a name is given twice, no name is given, or a tolerance is negative or of another objective.
     """
@@ -82,7 +82,7 @@ class Lexicographic:
     _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
-        """Return the point that the order leads to; raises InvalidInput if a name is no objective."""
+        """Return the point that the order leads to; raises InvalidInput for other names than objectives."""
         check_front(front)
         check_known(front.names, "lexicographic", self.order)
         among, words, remaining = np.ones(len(front), dtype=bool), [], {}
@@ -110,12 +110,12 @@ class Weights:
     The choice follows Marcos et al. (2012), Eqs. 19 and 20: each objective is normalised by the front's stored range,
     and the point with the smallest weighted sum (weights scaled to sum 1) wins. Ties go to the lowest sum of all
     shares, then to the best first objective, then to the lowest id. The weights have no unit and any sum:
-    ``Weights(kinetic_energy=0.3, torque_norm=0.7)``, or a mapping if a name is no identifier.
+    ``Weights(kinetic_energy=0.3, torque_norm=0.7)``, or a mapping if a name is not an identifier.
 
-    Weights reach only points on the convex hull of the front. The reason says how many others there are;
+    Weights reach only points on the convex hull of the front. The reason says how many other points there are;
     ``Aspiration`` can reach these.
 
-    Raises InvalidInput if a weight is no finite number of at least 0, no weight is positive, or a name is given twice.
+    Raises InvalidInput if a weight is negative or not finite, no weight is positive, or a name is given twice.
     """
 
     weights: Mapping[str, float]
@@ -177,9 +177,9 @@ def weights_in_words(front: FrontData, weights: Values) -> str:
 class Robust:
     """Weights that may each be wrong by a share ``uncertainty``; the largest regret is minimised.
 
-    The regret of a point under weights v is how much less v·Z another point has. Weights w (their sum 1) are in the box
-    w(1 ± uncertainty). The regret is convex in the weights, so that it is largest at a vertex; the point with the least
-    largest regret is chosen (min-max regret; Savage 1951; Kouvelis and Yu 1997).
+    The regret of a point under weights v is its v·Z less the smallest v·Z of all points. Weights are in the box w(1 ±
+    uncertainty) around given weights w (their sum 1). The regret is convex in the weights, so that it is largest at a
+    vertex; the point with the least largest regret is chosen (min-max regret; Savage 1951; Kouvelis and Yu 1997).
 
     ``Robust(kinetic_energy=0.3, torque_norm=0.7, uncertainty=0.2)``. Raises InvalidInput for weights as ``Weights``
     does, and for an uncertainty that is not between 0 and 1.

@@ -6,7 +6,7 @@
 The step d = 0 and the multipliers y ≥ 0 are optimal for the gradient Aᵀy and slacks that are 0 if y > 0. From these
 data to the true ones the optimum moves in straight pieces; at the end of a piece a constraint is added or dropped. Near
 the solution there are few pieces. H must be positive definite only along the active constraints: if dropping one leaves
-negative curvature, the optimum ends, and so does the homotopy; if curvature is 0, the step is as short as possible.
+negative curvature, the optimum and the homotopy end; if curvature is 0, the step is as short as possible.
 Source: Best 1996, An algorithm for the solution of the parametric quadratic programming problem; Ferreau, Bock & Diehl
 2008. The Schur complement of the active constraints solves the system of a piece.
 """
@@ -123,7 +123,7 @@ class WorkingSetOptions(NamedTuple):
     stiffness: tuple[float, ...] = (1.0, 1e3, 1e3, 1e6, 1e6)  # ρ, tried in order: a larger one costs digits
     dense: int = 2  # index of the first ρ with all rows
     flat: int = 4  # index of the ρ with a regularised H
-    regularisation: float = 1e-6  # added to H's diagonal from then on: far below any curvature that counts
+    regularisation: float = 1e-6  # added to H's diagonal from then on: much less than any curvature that counts
     curvature: float = 1e-13  # least curvature along a row that may be dropped, as a share of its ρ: less is rounding
 
 
@@ -193,7 +193,7 @@ def _add_square(matrix, rho, row):
 
 @compiled
 def factorised(work):
-    """Return K as it is factorised."""
+    """Return K, banded or dense, as it was factorised."""
     return work.full if work.flags[IS_DENSE] else work.banded
 
 
@@ -424,8 +424,8 @@ class QpOptions(NamedTuple):
     changes: int = 100
     updates: int = 24
     dependent: float = 1e-10  # largest share of a row outside the span of active rows that counts as 0
-    rate: float = 1e-13  # largest rate of fall of a slack or a multiplier that is rounding
-    lift: float = 1e-4  # first value of slacks, each times its own factor from 1 to 2: ties could cycle
+    rate: float = 1e-13  # largest rate of decrease of a slack or a multiplier that counts as rounding
+    lift: float = 1e-4  # first value of slacks, each times its own factor from 1 to 2, as ties could cycle
     end: float = 1e-9  # largest remaining share of the homotopy that counts as 0
 
 

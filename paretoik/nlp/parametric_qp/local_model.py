@@ -3,7 +3,7 @@
     Fₖ(d) ≈ Fₖ + ∂Fₖ d + ½ dᵀ Fₖ'' d for every objective k,  c(d) ≈ c + ∂c d
 
 The second derivatives of an objective include the curvature of h(x) = 0, with the objective's own multipliers.
-Therefore they are those of F at the point that a step leads to.
+Therefore they equal those of F at the point to which a step leads.
 """
 
 from __future__ import annotations

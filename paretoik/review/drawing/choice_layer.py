@@ -40,7 +40,7 @@ from paretoik.runs.file_replacement import only_writer, replace_file
 from paretoik.runs.files import RECORDING
 from paretoik.runs.folder import check_no_run
 
-# An existing recording: its data, timelines and layout, to be shown next to a choice.
+# An existing recording: its data, timelines and layout, shown next to a choice.
 
 
 ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")  # entities of choices
@@ -173,7 +173,7 @@ class ChoiceLayer:
             self._motions[0].log_predicted(stream, motion)
 
     def blueprint(self) -> rrb.Blueprint:
-        """Return the layout; the views of the recorded run, if any, are a second tab."""
+        """Return the layout, with the views of the recorded run, if any, in a second tab."""
         arms = [motion_views(motions) for motions in self._motions if motions is not None]
         texts = [
             rrb.TextDocumentView(origin=f"{root}/text", name=name)
@@ -230,10 +230,10 @@ class ChoiceLayer:
 def show_choice_in_recording(front: Front, *, moved: Choice | None = None, source: Path | None = None) -> None:
     """Make the recording in a front's run folder open on the present choice.
 
-    Without a choice it opens as recorded. ``moved``, the point that a move reached, is shown next to the present
-    choice, or alone if no choice is kept or the ``source`` is another run's recording. Nothing is done for a closed
-    loop: its motion is already in its recording. A recording that cannot be read or replaced stays unchanged, with a
-    warning: the choice, or point, is kept elsewhere.
+    Without a choice it opens as recorded. ``moved`` is the point that a move reached. It is shown next to the present
+    choice, or without it if no choice is kept or the ``source`` is another run's recording. Nothing is done for a
+    closed loop: its motion is already in its recording. A recording that cannot be read or replaced stays unchanged,
+    with a warning: the choice, or point, is kept elsewhere.
     """
     if front.folder is None or is_loop(front):
         return

@@ -91,7 +91,7 @@ def start_text(scene: PlannedScene, level: PlannedLevel, row: int) -> str:
 
 
 def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int, count: int) -> str:
-    """Return the text of a final optimum, of ``count`` in all."""
+    """Return the text of the final optimum number ``place``, one of ``count``."""
     optimum, best = optima[place], optima[0]
     value, least = float(optimum.point.objectives[0]), float(best.point.objectives[0])
     worse = f", {100 * abs(value - least) / max(abs(least), 1e-300):.3g}% worse than the best" if place else ""
@@ -120,7 +120,11 @@ def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) ->
         words = (f"- {place}: {_value(scene, each.point.objectives[0])}", branch, twin)
         lines.append(", ".join(filter(None, words)))
     counts = f"The first level had {counted(first, 'start')}"
-    counts += f"; those after it begin from its optima, {starts - first} in all." if starts > first else "."
+    counts += (
+        f"; later levels begin from the optima of the level before, {starts - first} starts in all."
+        if starts > first
+        else "."
+    )
     return screen_text("\n".join([*lines, *_further(len(end.optima)), "", counts, "", run_text(end.provenance)]))
 
 
@@ -361,7 +365,7 @@ DISTINCT = "distinct optima of the level so far"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanDrawing:
-    """The levels of a plan and its ``end``, None before the end; ``note``: text on what was left out.
+    """The levels of a plan and its ``end`` (None before the end); ``note``: text about omitted parts.
 
     It has these timelines:
 
@@ -475,7 +479,7 @@ class PlanDrawing:
 
     @cached_property
     def _walk(self) -> list[tuple[int, PlannedLevel, int, tuple[RecordedPoint, RecordedPoint]]]:
-        """Number, level and row of the starts that are shown one by one, each with its result, as points."""
+        """Number, level and row of the starts shown one by one, and each start and its result as points."""
         rows = [(level, row) for level in self.messages for row in range(len(level.starts))]
         walk = []
         for place in even_rows(len(rows), DRAWING.starts).tolist():

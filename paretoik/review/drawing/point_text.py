@@ -128,7 +128,7 @@ def point_text(front: Front, row: int, *, chosen: Choice | None, title: str = "c
             for i, j in known
         ]
     elif front.violation is not None:
-        words = "None: the point was not refined. Largest violation at samples: "
+        words = "No certificate: the point was not refined. Largest violation at samples: "
         lines += ["", "## Certificate", "", f"{words}{front.violation[row]:.2g} of a limit's range."]
     if run := run_text(front.provenance):
         lines += ["", run]

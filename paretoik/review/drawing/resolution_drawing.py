@@ -83,8 +83,10 @@ def _value(value: object) -> str:
 class ResolutionDrawing:
     """Resolved motions: the first one is solid, with some of the others next to it.
 
-    Timelines: ``motion``, along which all of them move, and ``solution``, if there are several, which shows one after
-    another. ``note``: what was left out.
+    On the timeline ``motion`` all of them move. If there are several, the timeline ``solution`` shows one after
+    another.
+
+    note: text about omitted parts
     """
 
     scene: ResolvedScene
@@ -130,13 +132,13 @@ class ResolutionDrawing:
 
     @cached_property
     def _thin_motions(self) -> list[RecordedTraces]:
-        """The motions next to the first one, one colour each."""
+        """Other motions than the first: evenly spread ones, at most one per colour."""
         others = list(self.end.motions[1:])
         return [others[place] for place in even_rows(len(others), len(SCREEN.ends))]
 
     @cached_property
     def _points(self) -> list[RecordedPoint]:
-        """The first motion and those next to it, as points whose axes give their colours."""
+        """The first motion and the thin ones, as points whose ``axis`` gives their colour."""
         thin = [replace(each.point, axis=axis) for axis, each in enumerate(self._thin_motions)]
         return [self.end.motions[0].point, *thin]
 

@@ -43,7 +43,7 @@ def test_optima_whose_words_are_the_same_are_distinguished_by_the_joint_that_dif
 
 def test_starts_of_the_first_level_and_of_later_levels_are_counted_separately():
     end = PlanEnd(optima=[optimum(0, 1.0, "", np.zeros((5, 3)))], provenance={})
-    assert "The first level had 156 starts; those after it begin from its optima, 11 in all." in plan_end_text(
+    assert "later levels begin from the optima of the level before, 11 starts in all." in plan_end_text(
         SCENE, end, 156, 167
     )
     assert "The first level had 1 start." in plan_end_text(SCENE, end, 1, 1)
