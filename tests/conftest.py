@@ -15,8 +15,8 @@ import pytest
 
 import paretoik.capability.actuator_kernels
 import paretoik.capability.planar_maxima
-import paretoik.closed_loop.engine
-import paretoik.closed_loop.open_loop_engine
+import paretoik.closed_loop.open_loop_kernels
+import paretoik.closed_loop.step_search_kernels
 import paretoik.nlp.banded.interior_point  # before the hook: numba compiles functions, not wrappers
 import paretoik.nlp.dense.dense_kernel
 import paretoik.nlp.parametric_qp.predictor_corrector

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
 
-from paretoik.autodiff.operations import NO_OPERAND, PIECEWISE, PIECEWISE_CONSTANT, Op
+from paretoik.autodiff.opcodes import NO_OPERAND, PIECEWISE, PIECEWISE_CONSTANT, Op
 from paretoik.autodiff.tape import Tape
 from paretoik.errors import InvalidInput
 

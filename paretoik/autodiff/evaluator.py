@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.autodiff.differentiation import dependencies
-from paretoik.autodiff.operations import NO_OPERAND, Fused, Op
+from paretoik.autodiff.opcodes import NO_OPERAND, Fused, Op
 from paretoik.autodiff.tape import Tape
 
 BLOCK_SIZE = 128  # points: smaller blocks spend more time reading instructions, larger ones exceed the cache

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from paretoik.autodiff.operations import Fused, Op
+from paretoik.autodiff.opcodes import Fused, Op
 from paretoik.compilation.numba_cache import c_function, carray, compiled
 
 # Sine and cosine of many numbers at once, without branches, so that the compiler can vectorise them.

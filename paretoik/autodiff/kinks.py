@@ -18,7 +18,7 @@ from jaxtyping import Float
 
 from paretoik.autodiff.differentiation import dependencies, gradient
 from paretoik.autodiff.evaluator import compile_evaluator
-from paretoik.autodiff.operations import NO_OPERAND, Op
+from paretoik.autodiff.opcodes import NO_OPERAND, Op
 from paretoik.autodiff.tape import Tape
 from paretoik.errors import InvalidInput
 

@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from paretoik.autodiff.operations import COMMUTATIVE, NO_OPERAND, UFUNCS, Op, compute
+from paretoik.autodiff.opcodes import COMMUTATIVE, NO_OPERAND, UFUNCS, Op, compute
 from paretoik.errors import InvalidInput
 from paretoik.inputs import shown
 

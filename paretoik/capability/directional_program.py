@@ -25,7 +25,7 @@ from paretoik.capability.user_functions import Lanes, LanesOf
 from paretoik.nlp.dense.traced_rows import AssembledRows, TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
-from paretoik.robot.body import TOOL_FRAME
+from paretoik.robot.arm_arguments import TOOL_FRAME
 
 
 @dataclass(frozen=True, kw_only=True)

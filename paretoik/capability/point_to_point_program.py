@@ -24,7 +24,7 @@ from paretoik.errors import InvalidInput
 from paretoik.nlp.dense.traced_rows import AssembledRows, Part, TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
-from paretoik.robot.body import TOOL_FRAME
+from paretoik.robot.arm_arguments import TOOL_FRAME
 from paretoik.robot.dynamics import gravity_torques
 
 # Least time and work of a motion in closed form: the slowest motor, under gravity halfway, sets each interval.

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 from paretoik.autodiff.differentiation import dependencies
 from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.kinks import Reformulation, copy_entries, reformulate_choices, reformulate_kinks
-from paretoik.autodiff.operations import Op
+from paretoik.autodiff.opcodes import Op
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import TracedArray
 from paretoik.nlp.dense.traced_rows import Part, TracedRows, trace_rows

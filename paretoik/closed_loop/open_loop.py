@@ -49,7 +49,7 @@ class PostureWorkspace(NamedTuple):
 
 def search_start(task: MotionTask, *, seed: int = 0, options: OpenLoopOptions = OPTIONS) -> Float[np.ndarray, " dof"]:
     """Return joint positions (dof,) at a path's start, by OLGA; raises Infeasible if obstacles are met."""
-    from paretoik.closed_loop.open_loop_engine import search_posture  # imported here: numba loads slowly
+    from paretoik.closed_loop.open_loop_kernels import search_posture  # imported here: numba loads slowly
 
     population = options.population
     workspace = PostureWorkspace(

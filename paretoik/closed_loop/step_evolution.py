@@ -85,7 +85,7 @@ class StepEvolution:
 
         def search_anew() -> dict[str, np.ndarray]:
             """Return genes, those that did not fail first, objectives, and recorded generations."""
-            from paretoik.closed_loop.engine import search  # imported here: numba loads slowly
+            from paretoik.closed_loop.step_search_kernels import search  # imported here: numba loads slowly
 
             rows = np.concatenate([step.home, step.target, self.programs.constants])
             w.inputs[ORDERS * self._dof : ORDERS * self._dof + len(rows)] = rows[:, None]

@@ -23,7 +23,7 @@ from paretoik.inputs import (
     shown,
 )
 from paretoik.robot.arm import Arm, check_arm
-from paretoik.robot.body import joint_positions, limit_rows, symmetric_limits
+from paretoik.robot.arm_arguments import joint_positions, limit_rows, symmetric_limits
 from paretoik.tables import html_representation
 
 # Tolerances and sizes of trajectories for controllers.

@@ -18,6 +18,9 @@ from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_choice, finite_array, read_list, shown
+from paretoik.resolution.parameters import Number as Number
+from paretoik.resolution.parameters import Parameter as Parameter
+from paretoik.resolution.parameters import number
 from paretoik.resolution.predictive import PredictiveKineticEnergy as PredictiveKineticEnergy
 from paretoik.resolution.protocol import (
     CLAMPING,
@@ -27,13 +30,10 @@ from paretoik.resolution.protocol import (
     ResolvedMotion,
     broadcast_shape,
     empty_traces,
-    number,
     step_program,
 )
 from paretoik.resolution.protocol import Criterion as Criterion
 from paretoik.resolution.protocol import Method as Method
-from paretoik.resolution.protocol import Number as Number
-from paretoik.resolution.protocol import Parameter as Parameter
 from paretoik.task.limits import position_ranges
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective

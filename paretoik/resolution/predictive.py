@@ -19,16 +19,14 @@ from jaxtyping import Bool, Float, Int
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_array, shown
 from paretoik.resolution.horizon import DEGREE, HorizonSolution, horizon_program, quartic_spline, spline_position
+from paretoik.resolution.parameters import Number, Parameter, number
 from paretoik.resolution.protocol import (
     TRACKING_TOLERANCE,
     Method,
-    Number,
-    Parameter,
     ResolvedMotion,
     Traces,
     broadcast_shape,
     empty_traces,
-    number,
     step_program,
 )
 from paretoik.tables import field_representation, html_representation

@@ -22,7 +22,7 @@ from scipy.interpolate import make_interp_spline
 from paretoik.arrays import JointPaths
 from paretoik.autodiff.differentiation import gradient, tangents
 from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
-from paretoik.autodiff.operations import Op
+from paretoik.autodiff.opcodes import Op
 from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.robot import dynamics

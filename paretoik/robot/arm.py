@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from paretoik.arrays import Jacobians
+from paretoik.arrays import Jacobians, Matrix3
 from paretoik.inputs import (
     ArrayLike,
     check_choice,
@@ -19,22 +19,20 @@ from paretoik.inputs import (
     file_path,
     finite_array,
 )
-from paretoik.robot.body import (
+from paretoik.robot.arm_arguments import (
     TOOL_FRAME,
-    Body,
     JointType,
     body_tuple,
-    combine_bodies,
     joint_positions,
     joint_tuple,
     limit_rows,
     number_array,
     planar_bodies,
     symmetric_limits,
-    transform_body,
     type_tuple,
 )
-from paretoik.robot.chain import SerialChain, fix_joint, joint_placements
+from paretoik.robot.body import Body, combine_bodies, transform_body
+from paretoik.robot.chain import SerialChain, fix_joint
 from paretoik.robot.kinematics import forward_kinematics
 from paretoik.robot.kinematics import jacobian as geometric_jacobian
 from paretoik.robot.pose import Pose, check_pose, matrix_to_quaternion, pose_batch
@@ -156,7 +154,7 @@ class Arm(SerialChain):
         table = {k: number_array(k, v, count) for k, v in (("a", a), ("alpha", alpha), ("d", d), ("theta", theta))}
         kinds = type_tuple(types, count)
         bodies = body_tuple(masses, centers, inertias, count)
-        placements, link_frames, tool = joint_placements(**table, convention=convention)
+        placements, link_frames, tool = _joint_placements(**table, convention=convention)
         if convention == "standard":
             bodies = tuple(transform_body(body, frame) for body, frame in zip(bodies, link_frames, strict=True))
         names = tuple(f"joint{i + 1}" for i in range(count)) if joint_names is None else joint_tuple(joint_names, count)
@@ -289,3 +287,42 @@ class Arm(SerialChain):
 def check_arm(name: str, arm: object) -> None:
     """Raise InvalidInput, by ``name``, unless this is an Arm."""
     check_instance(name, arm, Arm, "an Arm", example="pk.arms.tringali_3r() or Arm.from_urdf(...)")
+
+
+# Joint frames from Denavit–Hartenberg parameters, in both conventions.
+
+
+def _joint_placements(
+    *, a: np.ndarray, alpha: np.ndarray, d: np.ndarray, theta: np.ndarray, convention: Literal["modified", "standard"]
+) -> tuple[tuple[Pose, ...], tuple[Pose, ...], Pose]:
+    """Return the placements of joints, of link frames, and of the tool.
+
+    A joint is placed on the joint before, a link frame on its joint, the tool on the last joint.
+
+    a, d: lengths [m], one per joint
+    alpha, theta: angles [rad], one per joint
+    convention: convention of the parameters and link frames
+
+    A joint's frame has the joint's axis along z in both conventions. The joint moves along or about z, so that its
+    offsets d and theta commute with its motion. Source: Craig, Introduction to Robotics, chapter 3 (modified);
+    Siciliano et al., chapter 2 (standard).
+    """
+    count, origin = len(a), Pose(np.zeros(3))
+    along_z = [_transform(0.0, 0.0, d[i], theta[i]) for i in range(count)]
+    along_x = [_transform(a[i], alpha[i], 0.0, 0.0) for i in range(count)]
+    if convention == "modified":
+        return tuple(x @ z for x, z in zip(along_x, along_z, strict=True)), (origin,) * count, origin
+    previous = [origin, *along_x[:-1]]
+    return tuple(x @ z for x, z in zip(previous, along_z, strict=True)), tuple(along_x), along_x[-1]
+
+
+def _transform(a: float, alpha: float, d: float, theta: float) -> Pose:
+    """Return a translation by a and rotation by alpha about x, then d and theta along and about z."""
+    rotation: Matrix3 = np.array(
+        [
+            [np.cos(theta), -np.sin(theta), 0.0],
+            [np.cos(alpha) * np.sin(theta), np.cos(alpha) * np.cos(theta), -np.sin(alpha)],
+            [np.sin(alpha) * np.sin(theta), np.sin(alpha) * np.cos(theta), np.cos(alpha)],
+        ]
+    )
+    return Pose.from_matrix(rotation, np.array([a, -np.sin(alpha) * d, np.cos(alpha) * d]))

@@ -6,24 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Matrix3, Vector3, read_only
+from paretoik.arrays import Vector3, read_only
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, finite_number, likely_spelling, shown
-from paretoik.robot.body import (
-    BASE_FRAME,
-    JOINT_TYPES,
-    OTHER_NAMES,
-    TOOL_FRAME,
-    Body,
-    JointType,
-    combine_bodies,
-    transform_body,
-)
+from paretoik.robot.arm_arguments import BASE_FRAME, JOINT_TYPES, OTHER_NAMES, TOOL_FRAME, JointType
+from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.pose import Frame, Pose
 
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
@@ -159,42 +151,3 @@ def joint_motion(joint_type: str, value: float, axis: Sequence[float] = (0.0, 0.
     if joint_type in ("revolute", "continuous"):
         return Pose(np.zeros(3), np.array([np.cos(value / 2), *(np.sin(value / 2) * np.array(axis))]))
     return Pose(np.zeros(3))
-
-
-# Joint frames from Denavit–Hartenberg parameters, in both conventions.
-
-
-def joint_placements(
-    *, a: np.ndarray, alpha: np.ndarray, d: np.ndarray, theta: np.ndarray, convention: Literal["modified", "standard"]
-) -> tuple[tuple[Pose, ...], tuple[Pose, ...], Pose]:
-    """Return the placements of joints, of link frames, and of the tool.
-
-    A joint is placed on the joint before, a link frame on its joint, the tool on the last joint.
-
-    a, d: lengths [m], one per joint
-    alpha, theta: angles [rad], one per joint
-    convention: convention of the parameters and link frames
-
-    A joint's frame has the joint's axis along z in both conventions. The joint moves along or about z, so that its
-    offsets d and theta commute with its motion. Source: Craig, Introduction to Robotics, chapter 3 (modified);
-    Siciliano et al., chapter 2 (standard).
-    """
-    count, origin = len(a), Pose(np.zeros(3))
-    along_z = [_transform(0.0, 0.0, d[i], theta[i]) for i in range(count)]
-    along_x = [_transform(a[i], alpha[i], 0.0, 0.0) for i in range(count)]
-    if convention == "modified":
-        return tuple(x @ z for x, z in zip(along_x, along_z, strict=True)), (origin,) * count, origin
-    previous = [origin, *along_x[:-1]]
-    return tuple(x @ z for x, z in zip(previous, along_z, strict=True)), tuple(along_x), along_x[-1]
-
-
-def _transform(a: float, alpha: float, d: float, theta: float) -> Pose:
-    """Return a translation by a and rotation by alpha about x, then d and theta along and about z."""
-    rotation: Matrix3 = np.array(
-        [
-            [np.cos(theta), -np.sin(theta), 0.0],
-            [np.cos(alpha) * np.sin(theta), np.cos(alpha) * np.cos(theta), -np.sin(alpha)],
-            [np.sin(alpha) * np.sin(theta), np.sin(alpha) * np.cos(theta), np.cos(alpha)],
-        ]
-    )
-    return Pose.from_matrix(rotation, np.array([a, -np.sin(alpha) * d, np.cos(alpha) * d]))

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Inexact
 
 from paretoik.arrays import Jacobians, Joints, Positions, Rotations, read_only
-from paretoik.robot.body import TOOL_FRAME
+from paretoik.robot.arm_arguments import TOOL_FRAME
 from paretoik.robot.chain import SerialChain
 from paretoik.robot.components import (
     ZERO,

@@ -26,15 +26,8 @@ from paretoik.inputs import (
     listed,
     shown,
 )
-from paretoik.robot.body import (
-    JOINT_TYPES,
-    Body,
-    JointType,
-    combine_bodies,
-    inertia_fault,
-    nearest_inertia,
-    transform_body,
-)
+from paretoik.robot.arm_arguments import JOINT_TYPES, JointType
+from paretoik.robot.body import Body, combine_bodies, inertia_fault, nearest_inertia, transform_body
 from paretoik.robot.chain import EARTH_GRAVITY, SerialChain, joint_motion
 from paretoik.robot.pose import Frame, Pose
 from paretoik.robot.urdf_description import (

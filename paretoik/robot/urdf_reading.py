@@ -17,7 +17,8 @@ import numpy as np
 from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.file_paths import missing_file
 from paretoik.inputs import check_magnitude, degrees_hint, shown
-from paretoik.robot.body import JOINT_TYPES, OWN_FRAMES, inertia_fault
+from paretoik.robot.arm_arguments import JOINT_TYPES, OWN_FRAMES
+from paretoik.robot.body import inertia_fault
 from paretoik.robot.pose import Pose, rpy_to_quaternion
 from paretoik.robot.urdf_description import (
     ORIGIN,

@@ -15,7 +15,7 @@ from paretoik.autodiff.tape import where
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_instance, check_text, shown
 from paretoik.robot.arm import Arm
-from paretoik.robot.body import TOOL_FRAME
+from paretoik.robot.arm_arguments import TOOL_FRAME
 from paretoik.robot.components import (
     Component,
     Matrix,

@@ -17,13 +17,13 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.autodiff.differentiation import dependencies
-from paretoik.autodiff.operations import PIECEWISE, Op
+from paretoik.autodiff.opcodes import PIECEWISE, Op
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import NotLocal, Trace, TracedArray
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.inputs import likely_spelling, limited_call, user_function
 from paretoik.robot.arm import Arm
-from paretoik.robot.body import TOOL_FRAME
+from paretoik.robot.arm_arguments import TOOL_FRAME
 from paretoik.robot.components import Component
 from paretoik.robot.dynamics import energy_components, torque_components
 from paretoik.robot.kinematics import frame_components, jacobian_components, link_frames, node_components

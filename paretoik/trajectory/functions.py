@@ -17,7 +17,7 @@ from scipy import sparse
 from paretoik.autodiff.differentiation import dependencies, gradient, tangents
 from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.kinks import norm_terms, smooth_pieces, summands
-from paretoik.autodiff.operations import Op
+from paretoik.autodiff.opcodes import Op
 from paretoik.autodiff.tape import Expression, Tape, as_entry
 from paretoik.nlp.program import Cone, structural_product
 from paretoik.robot.kinematics import joint_scales

@@ -12,7 +12,7 @@ import numpy as np
 from paretoik.autodiff.differentiation import dependencies, gradient, hessian, tangents
 from paretoik.autodiff.evaluator import compile_evaluator
 from paretoik.autodiff.kinks import reformulate_choices, reformulate_kinks, remaining_kinks
-from paretoik.autodiff.operations import Op
+from paretoik.autodiff.opcodes import Op
 from paretoik.autodiff.tape import Expression, Tape, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.robot.kinematics import joint_scales

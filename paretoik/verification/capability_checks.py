@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linprog
 
-from paretoik.verification.arm_model import TOLERANCES, ArmModel
+from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.limits import worst_joint
 from paretoik.verification.run_contents import Check, RunContents, demand, judge, leave_out
+from paretoik.verification.tolerances import TOLERANCES
 
 
 def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:

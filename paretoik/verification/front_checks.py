@@ -26,13 +26,14 @@ from scipy.linalg import null_space
 from scipy.optimize import linprog
 
 from paretoik.front.certificates import STATUSES
-from paretoik.verification.arm_model import OPTIONS, TOLERANCES, ArmModel
+from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.limits import clearance_range, joint_limits, limit_shares
 from paretoik.verification.measured_motion import MeasuredMotion, measure
 from paretoik.verification.motion_checks import finer_motion, project, project_curve
 from paretoik.verification.objectives import Terms, is_own_integral, objective_terms
 from paretoik.verification.path_targets import path_targets, task_errors
 from paretoik.verification.run_contents import Check, RunContents, demand, first_line, judge, leave_out
+from paretoik.verification.tolerances import OPTIONS, TOLERANCES
 
 # The table and the arrays of a run, without the problem.
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import BSpline, KroghInterpolator, PPoly, lagrange, make_interp_spline
 
-from paretoik.verification.arm_model import OPTIONS, ArmModel, rotation_of
+from paretoik.verification.arm_model import ArmModel, rotation_of
 from paretoik.verification.path_targets import (
     curve_states,
     frame_errors,
@@ -19,6 +19,7 @@ from paretoik.verification.path_targets import (
     task_axes,
     task_errors,
 )
+from paretoik.verification.tolerances import OPTIONS
 
 # The curve of a motion, rebuilt from its samples with SciPy, and its finite differences.
 #

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from paretoik.verification.arm_model import OPTIONS, TOLERANCES, ArmModel
+from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.limits import clearance_range, excesses
 from paretoik.verification.measured_motion import MeasuredMotion, clearances, nearest_pair, rebuild
 from paretoik.verification.objectives import objective_size, objective_value, stated_value
 from paretoik.verification.path_targets import path_points, path_targets, sample_points, task_errors, tracking_errors
 from paretoik.verification.run_contents import Check, RunContents, Worst, first_line, judge, leave_out
+from paretoik.verification.tolerances import OPTIONS, TOLERANCES
 
 
 def check_path(task: Any, model: ArmModel) -> Iterator[Check]:

@@ -7,7 +7,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from paretoik.verification.arm_model import OPTIONS, ArmModel, rotation_of
+from paretoik.verification.arm_model import ArmModel, rotation_of
+from paretoik.verification.tolerances import OPTIONS
 
 Targets: TypeAlias = list[tuple[Any, np.ndarray, np.ndarray | None]]  # tasks with positions and rotations (time, ...)
 TURNING_AXES = {"xyz+z-axis": (0, 1), "xy+angle": (2,), "pose": (0, 1, 2)}  # equations of orientation, in the frame

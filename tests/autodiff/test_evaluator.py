@@ -9,7 +9,7 @@ from hypothesis import given, settings
 
 from paretoik.autodiff.differentiation import gradient, hessian
 from paretoik.autodiff.evaluator import BLOCK_SIZE, compile_evaluator
-from paretoik.autodiff.operations import NO_OPERAND, Fused
+from paretoik.autodiff.opcodes import NO_OPERAND, Fused
 from paretoik.autodiff.tape import Tape
 from tests.autodiff.trees import KINKED, SMOOTH, points, seeds, taped, trees
 

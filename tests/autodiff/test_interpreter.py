@@ -7,7 +7,7 @@ import pytest
 
 from paretoik.autodiff.evaluator import compile_evaluator
 from paretoik.autodiff.interpreter import MAX_REDUCED, cosines, run_first, sines
-from paretoik.autodiff.operations import UFUNCS, Op
+from paretoik.autodiff.opcodes import UFUNCS, Op
 from paretoik.autodiff.tape import Tape
 
 VALUES = np.array([-np.inf, -2.5, -1.0, -0.3, -0.0, 0.0, 0.3, 1.0, 2.5, np.inf, np.nan])

@@ -18,7 +18,7 @@ from paretoik.autodiff.kinks import (
     smooth_pieces,
     substitute,
 )
-from paretoik.autodiff.operations import Op
+from paretoik.autodiff.opcodes import Op
 from paretoik.autodiff.tape import Tape, as_entry, where
 from paretoik.errors import InvalidInput
 from tests.autodiff.trees import KINKED, SMOOTH, evaluated, points, seeds, taped, trees

@@ -7,7 +7,7 @@ import pytest
 import paretoik as pk
 from paretoik.closed_loop.admissible_steps import clearance_at_start, find_inadmissible
 from paretoik.closed_loop.control_step import OPTIONS
-from paretoik.closed_loop.engine import _configure, _evaluate_objectives
+from paretoik.closed_loop.step_search_kernels import _configure, _evaluate_objectives
 from problems import marcos_2012
 from tests.closed_loop.postures import near_obstacle, posture
 from tests.formulations.problems import PANDA, panda

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.verification.arm_model import OPTIONS, build_model
+from paretoik.verification.arm_model import build_model
 from paretoik.verification.motion_checks import finer_motion, project_curve
+from paretoik.verification.tolerances import OPTIONS
 
 ARM = pk.arms.tringali_3r()
 PATHS = {

@@ -15,8 +15,8 @@ import pytest
 import paretoik as pk
 from paretoik.formulations.protocol import at_samples_of
 from paretoik.robot.kinematics import jacobian
-from paretoik.verification.arm_model import VerificationTolerances
 from paretoik.verification.run_contents import RunContents, read_contents
+from paretoik.verification.tolerances import VerificationTolerances
 from paretoik.verification.verify_run import verify_run
 from studies.benchmarks.reliability.good_runs import ARM, BOTH
 

@@ -90,8 +90,8 @@ class Bounds:
                 text = f"{name} {front.objectives[row, axis]:.4g} misses it by {missed[row, axis]:.3g}"
                 parts.append(f"{with_unit(front, name, text)} ({percent(shares[row, axis])} of {whole})")
             raise Infeasible(
-                f"bounds: a point must have {_in_words(front, limits)}, got none among {len(front)} points; the nearest is "
-                f"point {front.ids[row]}: {list_words(parts)}",
+                f"bounds: a point must have {_in_words(front, limits)}, got none among {len(front)} points; the "
+                f"nearest is point {front.ids[row]}: {list_words(parts)}",
                 motion=None if front.motions is None else front.motions[row],
                 limit=front.names[worst],
                 violation=float(shares[row, worst]),

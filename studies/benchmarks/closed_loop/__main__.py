@@ -24,7 +24,7 @@ from scipy.stats import mannwhitneyu
 
 from paretoik.autodiff.interpreter import run_first
 from paretoik.closed_loop.control_step import HISTORY, StepState
-from paretoik.closed_loop.engine import decode
+from paretoik.closed_loop.step_search_kernels import decode
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.front.hypervolume import hypervolume
 from problems import marcos_2012

@@ -15,7 +15,7 @@ from py_opw_kinematics import KinematicModel, Robot
 from scipy.spatial.transform import RigidTransform
 
 import paretoik as pk
-from paretoik.robot.body import JointType
+from paretoik.robot.arm_arguments import JointType
 
 # ABB IRB 2400/16: lengths [m] of the data sheet, in the convention of Brandstötter et al.
 IRB_2400 = KinematicModel(

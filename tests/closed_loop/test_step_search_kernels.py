@@ -7,10 +7,10 @@ import pytest
 from moocore import pareto_rank
 
 import paretoik as pk
-from paretoik.closed_loop import engine
-from paretoik.closed_loop.engine import decode
+from paretoik.closed_loop import step_search_kernels as engine
 from paretoik.closed_loop.objectives import joint_displacement, position_error
 from paretoik.closed_loop.programs import StepStart, allocate
+from paretoik.closed_loop.step_search_kernels import decode
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.front.hypervolume import hypervolume
 from paretoik.search import sorted_points
