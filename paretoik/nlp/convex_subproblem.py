@@ -12,21 +12,25 @@ subject to  c + J d + t ≥ 0       elastic inequalities: violated by at most t,
 Sequential quadratic programming solves it as it is. The criticality (``nlp.criticality``) is its special case without
 gᵀd + ½ dᵀHd: the trust region is a ball and t is free.
 
-The statement has Parameters for all numbers. It is canonicalised once for each pattern: the structure of a program,
-which does not depend on numbers that happen to be 0. cvxpy's canonical form is linear in the parameters:
+It is canonicalised once for each pattern: the structure of a program, which does not depend on numbers that happen to
+be 0. The numbers of this statement are 2, 3, 4, …: in cvxpy's canonical form
 
 minimise    ½ xᵀPx + qᵀx
 subject to  b − Ax ∈ K, a product of zero, nonnegative and second-order cones
 
-Each solution multiplies cvxpy's matrix by the parameters' values, which gives q, A and b, leaves out the inequalities
-that no step within the trust region reaches, and runs Clarabel on the rest. Tests compare it with cvxpy's ``solve``.
+each entry of q, A and b is one of them, with its sign, or a constant 0 or ±1, so it says where every number stands.
+Parameters would say it too, but cvxpy needs memory for each pair of a Parameter's number and a variable: 6 GB for a
+Panda's motion of 81 samples. Each solution fills its own numbers in, leaves out the inequalities that no step within
+the trust region reaches, and runs Clarabel on the rest. Tests compare it with cvxpy's ``solve``.
 Source: Nocedal & Wright, Numerical Optimization, section 18.5, with the largest violation as penalty.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import count
 from typing import Any, NamedTuple
 
 import clarabel
@@ -53,35 +57,30 @@ class Pattern(NamedTuple):
 
 
 class Statement(NamedTuple):
-    """A statement in cvxpy; its ``parameters`` are those of ``parameter_values``, in the same order."""
+    """A statement in cvxpy with its variables."""
 
     problem: Any
-    parameters: list[Any]
     d: Any
     t: Any
 
 
-def state(pattern: Pattern, elastic: int, hessian: sparse.csr_array | None) -> Statement:
-    """Return the statement for a pattern and a constant Hessian: dᵀHd allows no Parameter H."""
+def state(pattern: Pattern, elastic: int, hessian: sparse.csr_array | None, values: Iterator[float]) -> Statement:
+    """Return the statement for a pattern, with the next of ``values`` as its numbers, as in ``statement_values``."""
     import cvxpy  # here: importing it takes two seconds
 
-    (rows, columns), unknowns, parameters = pattern.jacobian.shape, pattern.unknowns, list[Any]()
+    (rows, columns), unknowns = pattern.jacobian.shape, pattern.unknowns
     d, t = cvxpy.Variable(columns), cvxpy.Variable()
 
-    def numbers(*shape: int) -> Any:
-        parameters.append(cvxpy.Parameter(shape))
-        return parameters[-1]
+    def numbers(size: int) -> Float[np.ndarray, " size"]:
+        return np.fromiter(values, float, size)
 
     def product(structure: Structure) -> Any:
-        """Return matrix · d; the matrix has a Parameter's numbers at the places of a structure."""
+        """Return matrix · d; the matrix has the next numbers at the places of a structure."""
         row, column = structure.places
-        if not len(row):
-            return np.zeros(structure.shape[0])
-        places = (row + structure.shape[0] * column, np.arange(len(row)))  # in the matrix by columns
-        spread = sparse.csc_array((np.ones(len(row)), places), shape=(structure.shape[0] * columns, len(row)))
-        return cvxpy.reshape(spread @ numbers(len(row)), structure.shape, order="F") @ d
+        entries = numbers(len(row))
+        return sparse.csc_array((entries, (row, column)), shape=structure.shape) @ d
 
-    radius, penalty = numbers(), numbers()
+    radius, penalty = numbers(2)
     constraints, objective = [], penalty * t
     if hessian is not None:
         objective += numbers(columns) @ d + cvxpy.quad_form(d, cvxpy.psd_wrap(hessian)) / 2
@@ -89,28 +88,30 @@ def state(pattern: Pattern, elastic: int, hessian: sparse.csr_array | None) -> S
         c = numbers(rows)
         constraints = [c + product(pattern.jacobian) + (np.arange(rows) < elastic).astype(float) * t >= 0]
     step = d[:unknowns]
-    constraints += [cvxpy.SOC(radius, step)] if hessian is None else [step <= radius, step >= -radius, t >= 0]
+    constraints += (
+        [cvxpy.SOC(cvxpy.Constant(radius), step)] if hessian is None else [step <= radius, step >= -radius, t >= 0]
+    )
     for column, structure in pattern.cones:
-        length, values = numbers(), numbers(structure.shape[0])
-        constraints.append(cvxpy.SOC(d[column] + length, values + product(structure)))
-    return Statement(cvxpy.Problem(cvxpy.Minimize(objective), constraints), parameters, d, t)
+        length, shift = numbers(1)[0], numbers(structure.shape[0])
+        constraints.append(cvxpy.SOC(d[column] + length, shift + product(structure)))
+    return Statement(cvxpy.Problem(cvxpy.Minimize(objective), constraints), d, t)
 
 
-def parameter_values(
+def statement_values(
     gradient: np.ndarray,
     hessian: sparse.csr_array | None,
     constraints: Constraints,
     radius: float,
     penalty: float,
     scales: np.ndarray,
-) -> list[np.ndarray]:
-    """Return the values of a statement's parameters, in its order; ``scales`` divide inequalities."""
+) -> Float[np.ndarray, " numbers"]:
+    """Return the numbers of a statement, in its order; ``scales`` divide inequalities."""
     linear = gradient[: 0 if hessian is None else len(gradient)]
-    parts = [np.array(radius), np.array(penalty), linear, constraints.values / scales]
+    parts = [np.array([radius, penalty]), linear, constraints.values / scales]
     parts.append(constraints.jacobian.data / scales[constraints.entries.row])
     for cone in constraints.cones:
-        parts += [np.array(np.linalg.norm(cone.values)), cone.values, cone.rows.data]
-    return [part for part in parts if part.size]
+        parts += [np.array([np.linalg.norm(cone.values)]), cone.values, cone.rows.data]
+    return np.concatenate(parts)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,6 +176,29 @@ def is_positive_definite(matrix: Float[np.ndarray, "size size"]) -> bool:
     return True
 
 
+class _Places(NamedTuple):
+    """Where the numbers of a statement stand in entries of its canonical form.
+
+    place: index of each entry's number, after a leading 1 for constant entries
+    factor: sign of the number, or the constant
+    """
+
+    place: Int[np.ndarray, " entries"]
+    factor: Float[np.ndarray, " entries"]
+
+    @classmethod
+    def of(cls, entries: Float[np.ndarray, " entries"]) -> _Places:
+        """Return the places of the numbers 2, 3, 4 and so on."""
+        place = np.maximum(np.abs(entries).astype(int) - 1, 0)
+        factor = np.where(place > 0, np.sign(entries), entries)
+        assert np.array_equal(entries, np.where(place > 0, factor * (place + 1), factor)), "a number, 0 or ±1"
+        return cls(place, factor)
+
+    def fill(self, numbers: Float[np.ndarray, " numbers"]) -> Float[np.ndarray, " entries"]:
+        """Return the entries for other numbers."""
+        return self.factor * np.append(1.0, numbers)[self.place]
+
+
 class ConvexSubproblem:
     """The canonicalised subproblem of one pattern; with a ``ball`` it is that of the criticality."""
 
@@ -183,16 +207,14 @@ class ConvexSubproblem:
 
         (self._rows, columns), self._elastic = pattern.jacobian.shape, elastic
         hessian = None if ball else sparse.eye_array(columns, format="csr")  # replaced at every solution
-        problem, parameters, d, t = state(pattern, elastic, hessian)
-        canonical = problem.get_problem_data(cvxpy.CLARABEL)[0]["param_prob"]
-        # places of all parameters in cvxpy's own vector, whose other entry is 1
-        places = [canonical.param_id_to_col[each.id] + np.arange(each.size) for each in parameters]
-        self._places, self._size = np.concatenate(places), canonical.total_param_size + 1
-        self._linear, self._matrix = sparse.csr_array(canonical.q)[:-1], canonical.reduced_A.reduced_mat
-        self._indices, self._indptr, (self._all_rows, width) = canonical.reduced_A.problem_data_index
-        self._variables, self._equalities = width - 1, canonical.cone_dims.zero
-        self._cones = list(canonical.cone_dims.soc)
-        self._d, self._t = (canonical.var_id_to_col[each.id] + np.arange(each.size) for each in (d, t))
+        problem, d, t = state(pattern, elastic, hessian, count(2.0))
+        canonical = problem.get_problem_data(cvxpy.CLARABEL)[0]
+        A, cones = canonical["A"].tocsc(), canonical["dims"]
+        self._linear, self._bounds, self._entries = map(_Places.of, (canonical["c"], canonical["b"], A.data))
+        self._indices, self._indptr = A.indices, A.indptr
+        self._equalities, self._cones = cones.zero, list(cones.soc)
+        columns_of = canonical["param_prob"].var_id_to_col
+        self._d, self._t = (columns_of[each.id] + np.arange(each.size) for each in (d, t))
 
     def solve(
         self,
@@ -211,22 +233,16 @@ class ConvexSubproblem:
         """
         scales = constraints.row_norms.copy()
         scales[: self._elastic] = 1.0  # not scaled: their units determine the cost of a violation
-        numbers = parameter_values(gradient, hessian, constraints, radius, penalty, scales)
+        numbers = statement_values(gradient, hessian, constraints, radius, penalty, scales)
         near = constraints.within_reach(radius, order=1) if near is None else near
-        mask = np.ones(self._all_rows, dtype=bool)  # which rows of A are used
+        mask = np.ones(len(self._bounds.place), dtype=bool)  # which rows of A are used
         mask[: self._rows] = False
         mask[near] = True
-        vector = np.ones(self._size)
-        vector[self._places] = np.hstack(numbers)
-        # a and b of the rows in a ``mask``; cvxpy's rows are A x + b
-        entries = self._matrix @ vector
+        b = self._bounds.fill(numbers)[mask]
         chosen = mask[self._indices]
         row = (np.cumsum(mask) - 1)[self._indices[chosen]]
         indptr = np.append(0, np.cumsum(chosen))[self._indptr]
-        entries, last = entries[chosen], indptr[-2]
-        b = np.zeros(np.count_nonzero(mask))
-        b[row[last:]] = entries[last:]
-        A = sparse.csc_matrix((-entries[:last], row[:last], indptr[:-1]), shape=(len(b), self._variables))
+        A = sparse.csc_matrix((self._entries.fill(numbers)[chosen], row, indptr), shape=(len(b), len(indptr) - 1))
         linear = len(b) - self._equalities - sum(self._cones)
         cones: list[Any] = [
             *([clarabel.ZeroConeT(self._equalities)] if self._equalities else []),
@@ -237,7 +253,7 @@ class ConvexSubproblem:
         settings.verbose = False
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
         P = self._quadratic(hessian)
-        solution = clarabel.DefaultSolver(P, self._linear @ vector, A, b, cones, settings).solve()
+        solution = clarabel.DefaultSolver(P, self._linear.fill(numbers), A, b, cones, settings).solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
             name = "criticality" if hessian is None else "step"
             raise SolverFailed(f"{name}: Clarabel must end with Solved, got {solution.status}")
@@ -254,12 +270,13 @@ class ConvexSubproblem:
 
     def _quadratic(self, hessian: sparse.csr_array | None) -> sparse.csc_matrix:
         """Return P: the Hessian's upper triangle in d's rows and columns, no entries without a Hessian."""
-        shape = (self._variables, self._variables)
+        variables = len(self._indptr) - 1
+        shape = (variables, variables)
         if hessian is None:
             return sparse.csc_matrix(shape)
         lower = np.tril(hessian.toarray())
         column, row = np.nonzero(lower)  # rows of the lower triangle are columns of the upper one
-        indptr = np.searchsorted(self._d[column], np.arange(self._variables + 1))
+        indptr = np.searchsorted(self._d[column], np.arange(variables + 1))
         return sparse.csc_matrix((lower[column, row], self._d[row], indptr), shape=shape)
 
 

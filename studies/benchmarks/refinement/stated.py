@@ -9,7 +9,7 @@ from jaxtyping import Float
 from scipy import sparse
 
 from paretoik.errors import SolverFailed
-from paretoik.nlp.convex_subproblem import Pattern, Step, parameter_values, state
+from paretoik.nlp.convex_subproblem import Pattern, Step, state, statement_values
 from paretoik.nlp.program import CLARABEL_TOLERANCE, Constraints
 
 
@@ -27,11 +27,9 @@ def solve_with_cvxpy(
 
     Raises SolverFailed if there is no solution.
     """
-    statement = state(Pattern.of(constraints), elastic, hessian)
     rows, cones = len(constraints.values), len(constraints.cones)
-    numbers = parameter_values(gradient, hessian, constraints, radius, penalty, np.ones(rows))
-    for parameter, value in zip(statement.parameters, numbers, strict=True):
-        parameter.value = value
+    numbers = statement_values(gradient, hessian, constraints, radius, penalty, np.ones(rows))
+    statement = state(Pattern.of(constraints), elastic, hessian, iter(numbers.tolist()))
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Solution may be inaccurate")  # Clarabel stopped short of the tolerance
         tolerances = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
