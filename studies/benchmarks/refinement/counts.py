@@ -1,13 +1,15 @@
 """Counts of default verbs: conic programs and their share of the time, and the stated time left.
 
-The first row is a process's first plan, which imports cvxpy too. Seconds are of the processor. A stated time left is
-right within a factor of 2, or if both are less than half a second; only statements in the last 80 % of a run count.
+The first row is a process's first plan, which imports cvxpy too; the last ones are the memory of processes that confirm
+one point. Seconds are of the processor. A stated time left is right within a factor of 2, or if both are less than half
+a second; only statements in the last 80 % of a run count.
 """
 
 from __future__ import annotations
 
+import resource
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Any
 from unittest.mock import patch
@@ -20,6 +22,8 @@ from paretoik.nlp.convex_subproblem import ConvexSubproblem
 from paretoik.nlp.criticality import criticality
 from paretoik.pareto import certificates
 from paretoik.progress import Observer, RunProgress
+from paretoik.runs.distribution import Done
+from paretoik.runs.processes import WorkerProcesses
 from problems import panda, tringali_2020
 from studies.reporting import Row, tell, timed
 
@@ -139,6 +143,34 @@ def count_rows() -> list[Row]:
     for name, (problem, one) in problems.items():
         for verb, work in verbs(problem, one).items():
             rows += _counted(name, verb, work)
+    return rows + memory_rows()
+
+
+def confirm(_: None, samples: int) -> tuple[float, float]:
+    """Return the peak memory of this process [MB] after confirming a Panda's motion with kinks, and the seconds."""
+    path = pk.line([0.45, -0.2, 0.4], [0.45, 0.2, 0.4], duration=1.5, samples=samples)
+    goals = [pk.kinetic_energy, pk.peak_velocity, pk.mechanical_energy]
+    problem = pk.Tracking(panda.panda(), path, objectives=goals)
+    front = pk.solve(problem, population=12, generations=2, points=1, seed=1, observe=False)
+    point = problem.front_points(front)[0]
+    seconds = timed(lambda: certificates.confirmed_criticality(problem.program(), point))[2]
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3, seconds
+
+
+def memory_rows() -> list[Row]:
+    """Return the memory and the time of a process that confirms one point, by the number of samples."""
+    rows = []
+    for samples in (41, 81, 161):
+        tell(f"memory: {samples} samples")
+        for _ in range(2):  # the first one may compile
+            with closing(WorkerProcesses(1)) as fresh:
+                ((_, reply),) = fresh.replies(confirm, None, [samples])
+        assert isinstance(reply, Done)
+        memory, seconds = reply.value
+        note = f"{seconds:.2f} s to state and solve its convex program"
+        rows.append(
+            Row("confirming a Panda's point, kinks", f"{samples} samples", "peak memory", "MB", memory, note=note)
+        )
     return rows
 
 
