@@ -126,7 +126,7 @@ POSTURES = np.zeros((5, 3))
     ("changed", "words"),
     [
         ({"q": np.zeros((5, 4))}, r"q must have shape \(\.\.\., time, 3\), got \(5, 4\)"),
-        ({"time": np.arange(4.0)}, r"one value per sample, at least 3, got \(4,\) for \(5, 3\)"),
+        ({"time": np.arange(4.0)}, r"one value per sample, at least 3, got shape \(4,\) for q of shape \(5, 3\)"),
         ({"q": np.where(np.arange(5)[:, None] == 3, np.nan, POSTURES)}, "every position must be .* at sample 3"),
         ({"time": np.array([0.0, 1.0, 1.0, 3.0, 0.5])}, "times must increase, got one that does not at sample 2"),
         ({"q": np.arange(15.0).reshape(5, 3), "cyclic": True}, "cyclic motion: must end where .* 12 rad or m"),
