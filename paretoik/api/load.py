@@ -85,9 +85,8 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
     InvalidInput
         If no problem is given, or another one than was planned.
     """
-    folder = file_path("folder", folder)
+    folder, problem = file_path("folder", folder), named_problem(problem)
     run, columns, stored = read_plan(folder)
-    problem = named_problem(problem)
     if problem is None:
         how = how_to_name(run.get("problem"))
         raise InvalidInput(f"problem must be the one that was planned in {folder}, got none; {how}")
@@ -145,23 +144,23 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
     -----
     A run folder may come from anybody: the file that the folder itself names is never run.
     """
-    folder = file_path("folder", folder)
+    folder, problem = file_path("folder", folder), named_problem(problem)
     return with_problem(Front.load(folder), folder, problem)
 
 
 def with_problem(front: Front, folder: Path, problem: Any) -> Front:
     """Return a loaded front with its problem; raises as ``load_front``."""
-    whole, reference = named_problem(problem), front.provenance.get("problem")
-    if whole is None:
+    reference = front.provenance.get("problem")
+    if problem is None:
         if reference is not None:
             text = "motions come without their arm, because the problem is not given"
             warn_user(f"{folder}: {text}: {how_to_name(reference)}")
         return front
     wish = f"problem must be the one that the run in {folder} solved"
-    check_fingerprint(whole, front.provenance.get("fingerprint"), wish=wish)
-    whole = at_samples_of(whole, getattr(front.motions, "q", None))
+    check_fingerprint(problem, front.provenance.get("fingerprint"), wish=wish)
+    problem = at_samples_of(problem, getattr(front.motions, "q", None))
     try:
-        motions = restore_motions(whole, front)
+        motions = restore_motions(problem, front)
     except InvalidRun as fault:
         raise InvalidRun(f"{folder / MOTIONS}: {fault}") from None
-    return attach(replace(front, motions=motions, problem=whole), folder)
+    return attach(replace(front, motions=motions, problem=problem), folder)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from paretoik.api.load import load_front, with_problem
+from paretoik.api.load import load_front, named_problem, with_problem
 from paretoik.api.result import ENTRY, read_stored_motions
 from paretoik.api.result_text import gap_text, status_text
 from paretoik.errors import InvalidInput, InvalidRun
@@ -73,7 +73,7 @@ def report(
     """
     infeasible: InfeasibleRun | None = None
     if not isinstance(front, Front):
-        folder = file_path("front", front)
+        folder, problem = file_path("front", front), named_problem(problem)
         holds = read_run(folder / RUN).get("holds") if is_run(folder / RUN) else None
         if holds is not None:
             command = shell_command("paretoik", "show", folder)

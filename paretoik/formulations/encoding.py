@@ -81,15 +81,11 @@ class Encoding:
             q[:, -1] = q[:, 0]
         return q, on_path
 
-    def encode(
-        self, task: MotionTask, which: Int[np.ndarray, " motions"], q: JointPaths
-    ) -> tuple[Genes, Float[np.ndarray, " motions"]]:
-        """Return genes of motions around bases ``which``, and their distances [rad, arm's length]."""
+    def encode(self, task: MotionTask, which: Int[np.ndarray, " motions"], q: JointPaths) -> Genes:
+        """Return genes of motions around bases ``which``; the nearest by least squares if no genes have the motion."""
         y = self.charts.coordinates(task, which, q) / self.radius[which][..., None]
         fitted = np.einsum("kt,ptr->prk", np.linalg.pinv(self.spline), y)
-        deviation = np.abs(np.einsum("tk,prk->ptr", self.spline, fitted) - y) * self.radius[which][..., None]
-        genes = np.concatenate([which[:, None] + 0.5, fitted.reshape(len(q), -1)], axis=1)
-        return genes, deviation.max(axis=(1, 2))
+        return np.concatenate([which[:, None] + 0.5, fitted.reshape(len(q), -1)], axis=1)
 
     def encode_nearest(self, task: MotionTask, q: JointPaths) -> tuple[Genes, Float[np.ndarray, " motions"]]:
         """Return genes, clipped to their bounds, and their motions' distances from ``q`` [rad, arm's lengths].
@@ -98,7 +94,7 @@ class Encoding:
         """
         genes, deviation = np.zeros((len(q), len(self.bounds[0]))), np.full(len(q), np.inf)
         for base in range(self.bases):
-            encoded = np.clip(self.encode(task, np.full(len(q), base), q)[0], *self.bounds)
+            encoded = np.clip(self.encode(task, np.full(len(q), base), q), *self.bounds)
             decoded, _ = self.decode(task, encoded)
             distance = np.abs((decoded - q) / joint_scales(task.arm)).max(axis=(1, 2))
             nearer = distance < deviation

@@ -271,7 +271,7 @@ class Tracking(Formulation, Differentiable):
     def translated(self, genes: Genes, labels: Int[np.ndarray, " points"]) -> Genes:
         """Return genes of the same motions around other bases, as closely as bounds allow."""
         q, _ = self.encoding.decode(self.task, genes)
-        return np.clip(self.encoding.encode(self.task, np.asarray(labels), q)[0], *self.encoding.bounds)
+        return np.clip(self.encoding.encode(self.task, np.asarray(labels), q), *self.encoding.bounds)
 
     def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> MaxiMinNSGA2:
         """Return the algorithm of these genes: differential steps, smooth mutation, infeasible parents."""

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from paretoik.arrays import Jacobians, Matrix3
+from paretoik.errors import InvalidInput
 from paretoik.inputs import (
     ArrayLike,
     check_choice,
@@ -150,8 +151,12 @@ class Arm(SerialChain):
         """
         check_choice("convention", convention, ("modified", "standard"))
         check_text("name", name)
-        count = len(number_array("a", a, None))
-        table = {k: number_array(k, v, count) for k, v in (("a", a), ("alpha", alpha), ("d", d), ("theta", theta))}
+        table = {k: number_array(k, v, None) for k, v in (("a", a), ("alpha", alpha), ("d", d), ("theta", theta))}
+        counts = [len(values) for values in table.values()]
+        count = counts[0]
+        if counts != [count] * 4:
+            found = ", ".join(map(str, counts))
+            raise InvalidInput(f"a, alpha, d and theta must have one value per joint, got {found} values")
         kinds = type_tuple(types, count)
         bodies = body_tuple(masses, centers, inertias, count)
         placements, link_frames, tool = _joint_placements(**table, convention=convention)

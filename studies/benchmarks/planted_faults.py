@@ -68,7 +68,7 @@ FAULTS = (
     Fault(
         "joint_trajectory/trajectory.py", "self.ramp * x**4 * (2.5 +", "self.ramp * x**4 * (2.0 +", "joint_trajectory"
     ),
-    Fault("formulations/encoding.py", "- y) * self.radius[which][..., None]", "- y)", "formulations"),
+    Fault("formulations/encoding.py", "q) / self.radius[which][..., None]", "q)", "formulations"),
 )
 
 

@@ -112,7 +112,8 @@ def _dominates(one, other):
 @given(seed=seeds)
 def test_every_point_has_one_on_the_front_that_is_as_good_and_nothing_on_the_front_has_another(seed):
     rng = np.random.default_rng(seed)
-    shares = np.repeat(rng.uniform(size=(12, 2)), 2, axis=0) + rng.uniform(-1.0, 1.0, (24, 2)) * POINT_TOLERANCE
+    near = POINT_TOLERANCE * rng.choice([1.0, 100.0], (24, 1))
+    shares = np.repeat(rng.uniform(size=(12, 2)), 2, axis=0) + rng.uniform(-1.0, 1.0, (24, 2)) * near
     front = shares[front_rows(shares)]
     for one in shares:
         assert any(np.all(other <= one + 2 * POINT_TOLERANCE) for other in front)

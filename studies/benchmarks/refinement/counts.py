@@ -139,11 +139,12 @@ def count_rows() -> list[Row]:
             for goals in ([pk.kinetic_energy, pk.torque_norm], [pk.kinetic_energy])
         ),
     }
+    memory = memory_rows()  # first: a child's peak memory begins with its parent's
     rows = _counted("a process", "first plan", lambda: pk.plan(problems["3R, 101 samples"][1]).optima)
     for name, (problem, one) in problems.items():
         for verb, work in verbs(problem, one).items():
             rows += _counted(name, verb, work)
-    return rows + memory_rows()
+    return rows + memory
 
 
 def confirm(_: None, samples: int) -> tuple[float, float]:

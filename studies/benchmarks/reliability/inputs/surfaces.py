@@ -184,6 +184,8 @@ def _kinds_of(item: Any, scope: dict[str, Any]) -> set[Kind]:
         return {"function"}
     if origin in (collections.abc.Sequence, tuple):
         return {"sequence"}
+    if origin is collections.abc.Mapping:
+        return {"mapping"}
     if item is type(None):
         return {"nothing"}
     if item is object:
