@@ -108,16 +108,6 @@ class Ridge:
         return (1 + hills.sum(axis=-1))[..., None, None] * np.eye(2), slopes
 
 
-class Turned:
-    """A model with a multiple of the slowness of another."""
-
-    def __init__(self, model, slowness):
-        self.model, self.slowness, self.lower, self.upper = model, slowness, model.lower, model.upper
-
-    def roots(self, positions):
-        return tuple(self.slowness * part for part in self.model.roots(positions))
-
-
 def ends(seed, task=2):
     return np.random.default_rng(seed).uniform(0.05, 0.95, size=(2, task))
 

@@ -4,49 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from paretoik.capability.actuation import SHAPES, kim_joint_motors, kim_sliders
+from paretoik.capability.actuation import kim_sliders
 from paretoik.capability.joint_capability import (
     greatest_forces,
     highest_speeds,
     joint_speeds,
-    overload_error,
     torque_capacity,
 )
-from paretoik.robot.arms import kim_3r
-from tests.capability.drives import sliders
-
-seeds = st.integers(0, 10**6)
-
-
-shapes = st.sampled_from(SHAPES)
-
-
-@given(seed=seeds, shape=shapes)
-@settings(max_examples=25)
-def test_the_best_slider_gives_its_stated_speed(seed, shape):
-    rng = np.random.default_rng(seed)
-    actuation = sliders(shape, bend=-1.0)
-    q = actuation.zero - rng.uniform(0.2, 2.0, (8, 2))
-    torque = rng.normal(size=(8, 2))
-    speed_ranges = joint_speeds(actuation, q, torque)
-    can = ~np.isnan(speed_ranges.high)
-    back, a, b = actuation.gears(q, np.where(can, speed_ranges.front_high, 0.05))
-    speeds = [np.where(g > 0, *reversed(c.speeds(g * torque))) for g, c in ((a, actuation.front), (b, actuation.back))]
-    assert np.allclose((a * speeds[0] + b * speeds[1])[can], speed_ranges.high[can], rtol=1e-12)
-    assert (back[can] >= actuation.back_bounds[0, 0] - 1e-12).all()
-    assert (back[can] <= actuation.back_bounds[0, 1] + 1e-12).all()
-
-
-def test_sliders_hold_exactly_what_they_can_bear():
-    actuation = kim_sliders()
-    q = actuation.zero + np.array([0.9, 1.2, 1.9])
-    able, _ = torque_capacity(actuation, q)
-    assert np.isfinite(joint_speeds(actuation, q, 0.999999 * able).high).all()
-    assert np.isnan(joint_speeds(actuation, q, 1.000001 * able).high).all()
 
 
 def test_a_joint_beyond_what_its_rod_reaches_cannot_hold():
@@ -58,14 +24,6 @@ def test_a_joint_beyond_what_its_rod_reaches_cannot_hold():
     turned = actuation.zero + 1.0
     again = joint_speeds(actuation, turned + 2 * np.pi, np.zeros(3)).high
     assert np.allclose(again, joint_speeds(actuation, turned, np.zeros(3)).high)
-
-
-def test_an_overload_names_joint_torque_and_limit():
-    arm = kim_3r()
-    refusal = overload_error(kim_joint_motors(), arm, np.zeros(3), np.array([1.0, 4.0, 0.1]))
-    assert "joint2 must bear a torque of at most 3.5 N m" in str(refusal)
-    assert refusal.violation == pytest.approx(4.0 / 3.5 - 1)
-    assert "joint1 must have a rod's angle" in str(overload_error(kim_sliders(), arm, np.full(3, 3.0), np.zeros(3)))
 
 
 # The nearest facet of a zonotope compared with linear programs over the same joints.
@@ -97,11 +55,3 @@ def test_the_greatest_force_just_reaches_the_torque_of_some_joint(task, dof):
         assert (torque >= low - 1e-9).all()
         assert (torque <= high + 1e-9).all()
         assert np.minimum(torque - low, high - torque).min() == pytest.approx(0.0, abs=1e-9)
-
-
-def test_parallel_columns_move_the_tool_along_a_line_only():
-    columns = np.array([[1.0, 2.0], [1.0, 2.0]])
-    along, across = np.array([[1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2)
-    low, high = -np.ones(2), np.ones(2)
-    np.testing.assert_allclose(highest_speeds(columns, low, high, along[None]), 3 * np.sqrt(2))
-    np.testing.assert_allclose(highest_speeds(columns, low, high, across[None]), 0.0, atol=1e-12)

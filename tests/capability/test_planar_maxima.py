@@ -10,6 +10,7 @@ import pytest
 import paretoik as pk
 from paretoik.capability.actuation import SHAPES
 from paretoik.errors import Infeasible
+from tests.robot.planar_postures import all_postures, statics
 
 AROUND = 4000
 ARMS = 150
@@ -27,8 +28,8 @@ class Drawn:
         without = rng.uniform(size=(2, 3)) < 0.2
         self.low, self.high = np.where(without, [[-np.inf], [np.inf]], [middle - half, middle + half])
         q = middle + half * rng.uniform(-1.0, 1.0, 3)
-        self.position = self.tips(q[None])[0, 2]
-        self.stall = np.abs(self.gravity_torques(q[None])[0]) * rng.uniform(1.0, rng.choice([1.02, 1.6]), 3) + 0.001
+        (self.position,), _, (load,) = self.statics(q[None])
+        self.stall = np.abs(load) * rng.uniform(1.0, rng.choice([1.02, 1.6]), 3) + 0.001
         self.fastest, self.shape = rng.uniform(0.5, 3.0, 3), SHAPES[seed % 3]
         turn = rng.uniform(-np.pi, np.pi, 5)
         self.directions = np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -45,46 +46,23 @@ class Drawn:
     def maxima(self, quantity):
         return pk.directional_maxima(self.arm, self.actuation, self.position, self.directions, quantity=quantity)
 
-    def tips(self, q):
-        ways = np.cumsum(q, axis=1)
-        return np.cumsum(self.lengths[:, None] * np.stack([np.cos(ways), np.sin(ways)], axis=2), axis=1)
-
-    def gravity_torques(self, q):
-        ways = np.cumsum(q, axis=1)
-        tips = self.tips(q)
-        starts = np.concatenate([np.zeros((len(q), 1, 2)), tips[:, :2]], axis=1)
-        at = starts + self.centers[:, None] * np.stack([np.cos(ways), np.sin(ways)], axis=2)
-        arms = at[:, None] - starts[:, :, None]  # (posture, joint, body)
-        pulls = self.masses * (arms[..., 1] * GRAVITY[0] - arms[..., 0] * GRAVITY[1])
-        return np.triu(pulls).sum(axis=2)
+    def statics(self, q):
+        return statics(q, self.lengths, self.masses, self.centers, GRAVITY)
 
     def postures(self):
         """Return postures all around, with both bends of the elbow, within limits."""
-        first = np.linspace(-np.pi, np.pi, AROUND, endpoint=False)
-        left = self.position - self.lengths[0] * np.stack([np.cos(first), np.sin(first)], axis=1)
-        one, two = self.lengths[1:]
-        cosine = ((left**2).sum(axis=1) - one**2 - two**2) / (2 * one * two)
-        reached = np.abs(cosine) <= 1.0
-        first, left, elbow = first[reached], left[reached], np.arccos(cosine[reached])
-        both = []
-        for bent in (elbow, -elbow):
-            way = np.arctan2(left[:, 1], left[:, 0]) - np.arctan2(two * np.sin(bent), one + two * np.cos(bent))
-            both.append(np.stack([first, way - first, bent], axis=1))
-        q = np.concatenate(both)
+        q = all_postures(self.lengths, self.position, np.linspace(-np.pi, np.pi, AROUND, endpoint=False))
         q = np.where(np.isfinite(self.low), q + 2 * np.pi * np.ceil((self.low - q) / (2 * np.pi)), q)
         q = np.where(np.isfinite(self.low), q, q - 2 * np.pi * np.maximum(np.ceil((q - self.high) / (2 * np.pi)), 0.0))
         return q[(q <= self.high).all(axis=1)]
 
     def values(self, q, quantity):
         """Return the maxima along each direction; NaN if some joint cannot hold."""
-        tips, load = self.tips(q), self.gravity_torques(q)
-        starts = np.concatenate([np.zeros((len(q), 1, 2)), tips[:, :2]], axis=1)
-        arms = tips[:, 2:] - starts
-        columns = np.stack([-arms[..., 1], arms[..., 0]], axis=2)
+        _, columns, load = self.statics(q)
         share = load / self.stall
         held = (np.abs(share) <= 1.0).all(axis=1)
         if quantity == "force":
-            pushed = np.einsum("pja,ka->pkj", columns, self.directions)
+            pushed = np.einsum("paj,ka->pkj", columns, self.directions)
             left = np.where(pushed > 0, self.stall - load[:, None], self.stall + load[:, None])
             return np.where(held[:, None], (left / np.abs(pushed)).min(axis=2), np.nan)
         room = {"diamond": (1 - abs(share),) * 2, "box": (1 + 0 * share,) * 2}
@@ -96,7 +74,7 @@ class Drawn:
     @staticmethod
     def fastest_along(columns, low, high, way):
         """Solve a linear program with one equality: at its maximum all joints but one are at an end."""
-        along, across = columns @ way, columns @ [-way[1], way[0]]
+        along, across = way @ columns, np.array([-way[1], way[0]]) @ columns
         best = np.zeros(len(columns))
         for free in range(3):
             i, j = [k for k in range(3) if k != free]
@@ -144,19 +122,20 @@ def test_found_maxima_are_possible_by_other_formulae(compared):
         if polygon is None:
             continue
         q = polygon.q
-        assert drawn.tips(q)[:, 2] == pytest.approx(np.tile(drawn.position, (5, 1)), abs=1e-12)
+        tool, _, load = drawn.statics(q)
+        assert tool == pytest.approx(np.tile(drawn.position, (5, 1)), abs=1e-12)
         assert (q >= drawn.low - 1e-9).all()
         assert (q <= drawn.high + 1e-9).all()
-        assert np.abs(drawn.gravity_torques(q) / drawn.stall).max() <= 1 + 1e-9
+        assert np.abs(load / drawn.stall).max() <= 1 + 1e-9
         if quantity == "velocity":
-            assert polygon.torque == pytest.approx(drawn.gravity_torques(q), abs=1e-12)
+            assert polygon.torque == pytest.approx(load, abs=1e-12)
         drawn.stall = drawn.stall * (1 + 1e-9)
         assert np.diagonal(drawn.values(q, quantity)) == pytest.approx(polygon.values, rel=1e-6, abs=1e-9)
 
 
 def test_a_refusal_names_the_joint_and_its_excess():
     drawn = Drawn(0)
-    needed_torque = np.abs(drawn.gravity_torques(drawn.postures())).max(axis=1).min()
+    needed_torque = np.abs(drawn.statics(drawn.postures())[2]).max(axis=1).min()
     drawn.actuation = pk.capability.JointActuation(
         motors=pk.capability.MotorCurve(stall=[0.5 * needed_torque] * 3, fastest=drawn.fastest)
     )

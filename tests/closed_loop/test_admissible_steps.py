@@ -77,18 +77,23 @@ def compiled_distances(task, q, obstacles):
     return distances
 
 
+def check_distances(task, q, obstacles):
+    """Check that compiled distances are those of obstacles where these are positive; return all of these."""
+    distances, compiled = clearance(obstacles, link_nodes(task.arm, q)), compiled_distances(task, q, obstacles)
+    clear = distances > 1e-9
+    np.testing.assert_allclose(compiled[clear], distances[clear], rtol=1e-12, atol=1e-12)
+    assert (compiled[~clear] <= 1e-9).all()
+    return distances
+
+
 @pytest.mark.parametrize("make", [planar_task, spatial_task])
 def test_compiled_distances_are_those_of_obstacles_where_these_are_positive(make):
     task = make()
     q = np.random.default_rng(0).uniform(-2.5, 2.5, size=(300, task.arm.dof))
     for obstacles in (*([each] for each in OBSTACLES), OBSTACLES):
-        distances = clearance(obstacles, link_nodes(task.arm, q))
-        compiled = compiled_distances(task, q, obstacles)
+        distances = check_distances(task, q, obstacles)
         bounds = compiled_distances(task, q, map(bounding_ball, obstacles))
-        clear = distances > 1e-9
-        assert clear.any()
-        np.testing.assert_allclose(compiled[clear], distances[clear], rtol=1e-12, atol=1e-12)
-        assert (compiled[~clear] <= 1e-9).all()
+        assert distances.max() > 1e-9
         assert (bounds <= np.maximum(distances, 0.0) + 1e-9).all()
 
 
@@ -110,10 +115,7 @@ def test_compiled_distances_to_random_obstacles_are_those_of_their_definition(se
     ]
     q = rng.uniform(-2.5, 2.5, size=(200, 7))
     for each in obstacles:
-        distances, compiled = clearance([each], link_nodes(task.arm, q)), compiled_distances(task, q, [each])
-        clear = distances > 1e-9
-        np.testing.assert_allclose(compiled[clear], distances[clear], rtol=1e-12, atol=1e-12)
-        assert (compiled[~clear] <= 1e-9).all()
+        check_distances(task, q, [each])
 
 
 @pytest.mark.parametrize("obstacle", [OBSTACLES[4], OBSTACLES[8]], ids=repr)

@@ -11,11 +11,13 @@ from scipy.optimize import linprog
 import paretoik as pk
 from paretoik.errors import InvalidInput
 from paretoik.robot import kinematics
+from tests.robot.planar_postures import all_postures, statics
 
 PLACE = np.array([0.2, -0.15])
 WAYS = np.array([[1.0, 0.0], [0.0, 1.0]])
 ARM = pk.arms.kim_3r()
-LENGTHS, MASS, GRAVITY = np.array([0.114, 0.114, 0.129]), 0.5, 9.81  # of ``kim_3r``
+LENGTHS = np.array([0.114, 0.114, 0.129])
+OF_KIM_3R = {"lengths": LENGTHS, "masses": np.full(3, 0.5), "centers": LENGTHS / 2, "gravity": (0.0, -9.81)}
 MOTORS, SLIDERS = pk.capability.kim_joint_motors(), pk.capability.kim_sliders()
 DRIVES = {"motors": MOTORS, "sliders": SLIDERS}
 seeds = st.integers(min_value=0, max_value=2**32 - 1)
@@ -27,18 +29,6 @@ def forces(drive, ways=WAYS, arm=ARM, **changed):
 
 def random_genes(problem, count, rng):
     return problem.xl + rng.uniform(size=(count, problem.n_var)) * (problem.xu - problem.xl)
-
-
-def statics(q):
-    """Return tool positions, Jacobians and gravity torques of ``kim_3r`` in postures (postures, 3)."""
-    heading = np.cumsum(q, axis=1)
-    steps = LENGTHS[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=2)
-    joints = np.cumsum(steps, axis=1) - steps
-    tool, middles = steps.sum(axis=1), joints + steps / 2
-    across = tool[:, None] - joints
-    columns = np.stack([-across[..., 1], across[..., 0]], axis=1)
-    levers = middles[:, None, :, 0] - joints[:, :, None, 0]
-    return tool, columns, MASS * GRAVITY * np.triu(levers).sum(axis=2)
 
 
 def gears(q, front):
@@ -74,7 +64,7 @@ def test_individuals_push_until_a_motor_stalls(name):
     allowed = (G <= 0).all(axis=1)
     assert allowed.sum() >= 20
     q, front, values = at.q[allowed], at.front[allowed], at.values[allowed]
-    tool, columns, load = statics(q)
+    tool, columns, load = statics(q, **OF_KIM_3R)
     assert tool == pytest.approx(np.tile(PLACE, (len(q), 1)), abs=1e-9)
     capacity = capacities(name, q, front)
     for k, way in enumerate(WAYS):
@@ -94,25 +84,10 @@ def test_the_greatest_force_is_the_least_work_of_stalled_motors_to_move_the_tool
     genes = random_genes(problem, 1, rng)
     at = problem.configuration(genes)
     assume(problem.evaluate(genes, return_values_of=["G"]).max() <= 0)
-    _, columns, load = statics(at.q)
+    _, columns, load = statics(at.q, **OF_KIM_3R)
     share, stall = way @ columns[0], MOTORS.motors.stall
     best = linprog(np.concatenate([stall - load[0], stall + load[0]]), A_eq=[[*share, *-share]], b_eq=[1.0])
     assert at.values[0, 0] == pytest.approx(best.fun, rel=1e-9)
-
-
-def all_postures(count):
-    """Return postures (2 count, 3) with the tool at the place: last link in all directions, both elbows."""
-    heading = np.linspace(-np.pi, np.pi, count, endpoint=False)
-    wrist = PLACE - LENGTHS[2] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    reach = np.linalg.norm(wrist, axis=1)
-    cosine = (reach**2 - LENGTHS[0] ** 2 - LENGTHS[1] ** 2) / (2 * LENGTHS[0] * LENGTHS[1])
-    heading, wrist, cosine = (each[np.abs(cosine) <= 1] for each in (heading, wrist, cosine))
-    found = []
-    for elbow in (np.arccos(cosine), -np.arccos(cosine)):
-        inner = np.arctan2(LENGTHS[1] * np.sin(elbow), LENGTHS[0] + LENGTHS[1] * np.cos(elbow))
-        first = np.arctan2(wrist[:, 1], wrist[:, 0]) - inner
-        found.append(np.stack([first, elbow, heading - first - elbow], axis=1))
-    return np.concatenate(found)
 
 
 def all_forces(name, q):
@@ -126,7 +101,7 @@ def all_forces(name, q):
             capacity = np.max([np.nan_to_num(capacities(name, q, place)) for place in places], axis=0)
         floor = SLIDERS.least_angle
         capacity = np.where((q - SLIDERS.zero >= floor) & (q - SLIDERS.zero <= np.pi - floor), capacity, 0.0)
-    _, columns, load = statics(q)
+    _, columns, load = statics(q, **OF_KIM_3R)
     share = np.einsum("ka,paj->pkj", WAYS, columns)
     with np.errstate(divide="ignore"):  # some bear nothing
         left = (capacity[:, None] - np.sign(share) * load[:, None]) / np.abs(share)
@@ -138,7 +113,7 @@ def test_no_posture_pushes_harder_both_ways_than_the_refined_front(name):
     refined = pk.solve(forces(DRIVES[name]), population=40, generations=15, seed=1, points=20, refine=True)
     assert (refined.certificates.status == "minimum").all()
     assert refined.certificates.criticality.max() <= 1e-7
-    everything = all_forces(name, all_postures(20_000))
+    everything = all_forces(name, all_postures(LENGTHS, PLACE, np.linspace(-np.pi, np.pi, 20_000, endpoint=False)))
     everything = everything[np.isfinite(everything).all(axis=1)]
     size = everything.max(axis=0)
     for one in refined.objectives / size:
@@ -157,7 +132,7 @@ def test_speed_times_force_is_no_more_than_motors_and_weight_can_give(name):
     genes = genes[(problem.evaluate(genes, return_values_of=["G"]) <= 0).all(axis=1)]
     at = problem.configuration(genes)
     assert len(genes) >= 20
-    load, capacity = statics(at.q)[2], capacities(name, at.q, at.front)
+    load, capacity = statics(at.q, **OF_KIM_3R)[2], capacities(name, at.q, at.front)
     work = ((capacity + np.abs(load)) * np.abs(at.dq[:, 0])).sum(axis=1)
     assert (at.values.prod(axis=1) <= work * (1 + 1e-6)).all()
 

@@ -35,12 +35,6 @@ def refined(front):
     return pk.refine(front)
 
 
-def evaluated(problem, genes):
-    out = {}
-    problem._evaluate(genes, out)
-    return out["F"], out["G"]
-
-
 def test_individuals_stand_at_the_position_and_move_along_the_directions(problem, front):
     at = problem.configuration(front.genes)
     assert kinematics.forward_kinematics(problem.arm, at.q)[1][:, :2] == pytest.approx(

@@ -40,17 +40,6 @@ def test_encoding_a_decoded_motion_gives_its_genes_back(name):
     np.testing.assert_allclose(problem.decode(encoded).q, problem.decode(genes[on_path]).q, atol=1e-9)
 
 
-@every_problem
-def test_a_batch_is_decoded_as_its_members_are_bit_for_bit(name):
-    problem = built(name)
-    genes = genes_of(problem, 4, seed=2)
-    together, on_path = problem.encoding.decode(problem.task, genes)
-    for i in range(len(genes)):
-        alone, arrived = problem.encoding.decode(problem.task, genes[i : i + 1])
-        np.testing.assert_array_equal(alone[0], together[i])
-        np.testing.assert_array_equal(arrived[0], on_path[i])
-
-
 @pytest.mark.parametrize("settings", [{}, {"start": True}, {"end_velocity": 0}], ids=["free", "start", "stop"])
 def test_a_gene_moves_only_the_support_of_its_spline(settings):
     problem = along_a_line(samples=81, coefficients=12, bases=2)

@@ -143,15 +143,6 @@ def test_a_prediction_is_where_a_small_move_leads(front):
             front.predict(start, improve=last)
 
 
-@pytest.mark.slow
-def test_moves_of_an_arm_in_space_are_predicted():
-    panda = pk.Arm.from_urdf("problems/robots/panda.urdf", base="panda_link0", tip="panda_hand_tcp")
-    path = pk.line([0.45, -0.25, 0.3], [0.45, 0.25, 0.3], duration=1.5, samples=9)
-    problem = pk.Tracking(panda, path, objectives=[pk.kinetic_energy, pk.joint_limit_distance])
-    front = pk.epsilon_front(problem, points=4, starts=4, observe=False)
-    assert_predicts(front, inner_points(front)[-1], "kinetic_energy")
-
-
 def test_moves_and_predictions_compute_with_one_blas_thread():
     threads = set[int]()
 
@@ -167,11 +158,6 @@ def test_moves_and_predictions_compute_with_one_blas_thread():
             threads.clear()
             verb(int(front.ids[1]), improve="wrist_effort")
             assert threads == {1}, verb
-
-
-def test_past_the_end_of_its_branch_a_move_is_not_predicted(plain):
-    with pytest.raises(Infeasible, match="which derivatives there do not reach"):
-        plain.predict(inner_points(plain)[-1], improve="torque_norm", by=100 * float(np.ptp(plain.ranges[1])))
 
 
 def test_small_moves_cost_what_exchange_rates_say():
@@ -280,10 +266,13 @@ def test_no_move_is_refused_if_any_point_of_the_front_leads_there():
     assert count > 0
 
 
-def test_a_wish_beyond_the_front_is_refused(plain):
-    start = inner_points(plain)[-1]
-    with pytest.raises(Infeasible, match="found no point within all limits"):
-        plain.navigate(start, improve="torque_norm", by=100 * float(np.ptp(plain.ranges[1])))
+@pytest.mark.parametrize(
+    ("verb", "words"),
+    [("navigate", "found no point within all limits"), ("predict", "which derivatives there do not reach")],
+)
+def test_a_wish_beyond_the_front_is_refused(plain, verb, words):
+    with pytest.raises(Infeasible, match=words):
+        getattr(plain, verb)(inner_points(plain)[-1], improve="torque_norm", by=100 * float(np.ptp(plain.ranges[1])))
 
 
 def test_a_move_along_a_front_without_curvature_finds_a_point():
@@ -292,12 +281,6 @@ def test_a_move_along_a_front_without_curvature_finds_a_point():
     change = moved.navigated.objectives - front[3].objectives
     assert change[front.names.index("speed_1")] == pytest.approx(0.00137, rel=1e-5)
     assert moved.certificates.criticality[moved.navigated.index] <= 1e-6
-
-
-def test_a_move_past_kinks_is_solved_again_and_says_so():
-    front = front_of("kinked")
-    moved = front.navigate(inner_points(front)[0], improve="kinetic_energy")
-    assert "cannot be followed past kinks" in moved.navigated.reason
 
 
 @pytest.mark.parametrize("make", [speed_and_force, pytest.param(point_to_point, marks=pytest.mark.slow)])

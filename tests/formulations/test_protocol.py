@@ -10,7 +10,7 @@ import paretoik as pk
 from paretoik.errors import InvalidInput
 from paretoik.formulations import protocol
 from paretoik.formulations.motions import restore_motions
-from paretoik.formulations.protocol import ProblemParts, require_plan, require_program
+from paretoik.formulations.protocol import ProblemParts, require_program
 from paretoik.search.genes import check_sizes
 from tests.api.problems import tracking
 
@@ -79,9 +79,3 @@ def test_a_problem_without_a_program_has_no_gradients_and_the_verb_is_named():
         match=r"refine: the problem must have gradients, .* got ZDT1, which offers no program\(\)",
     ):
         require_program("refine", PLAIN)
-
-
-def test_a_plan_requires_a_tracking_of_one_objective():
-    assert callable(require_plan(tracking(pk.kinetic_energy)))
-    with pytest.raises(InvalidInput, match="plan: problem must have one objective, got 2: kinetic_energy, torque_norm"):
-        require_plan(tracking(pk.kinetic_energy, pk.torque_norm))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik import Limits, Motion, Task, Tracking, line
+from paretoik import Limits, Task, Tracking, line
 from paretoik.errors import InvalidInput
 from paretoik.formulations.tracking import choose_bases, sample_rollouts
 from paretoik.robot.arms import tringali_3r
@@ -42,19 +42,6 @@ def test_random_genes_and_corners_of_the_bounds_are_on_the_path_or_infeasible_wi
     assert (np.abs(np.diff(motions.q[arrived], axis=1)) < 2.5).all()
     assert [bool(reason) for reason in problem.explain(genes[:60])] == (~fine[:60]).tolist()
     assert arrived[30:].mean() >= 0.5
-
-
-@every_problem
-def test_motions_on_the_path_stay_on_it_between_their_samples(name):
-    problem = built(name)
-    genes = genes_of(problem, 40)
-    genes[:, 1:] *= 0.3
-    motions = problem.decode(genes[evaluate(problem, genes)["G"][:, 0] <= 0])
-    instants = np.linspace(0, problem.task.times[-1], 77)
-    between = motions.at(instants)
-    dense = Motion(arm=problem.task.arm, time=instants, q=between, tasks=problem.task.tasks)
-    assert dense.tracking_error.max() < 1e-9
-    assert len(motions) > 20
 
 
 def test_objectives_are_those_of_the_decoded_motions():

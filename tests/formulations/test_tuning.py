@@ -6,8 +6,6 @@ import re
 
 import numpy as np
 import pytest
-from pymoo.algorithms.moo.nsga2 import NSGA2
-from pymoo.optimize import minimize
 
 import paretoik as pk
 from paretoik import line, measures, methods
@@ -135,17 +133,11 @@ def test_an_individual_off_the_path_is_infeasible_and_says_so():
         pk.solve(problem, population=4, generations=2)
 
 
-def test_solve_gives_a_front_of_motions_and_pymoo_takes_the_problem():
+def test_motions_begin_at_the_starts_of_their_genes():
     problem = tuning(parameters=["start", "feedback", "gain of manipulability"])
-    front = pk.solve(problem, population=12, generations=4, seed=1)
-    assert front.motions.q.shape[1:] == (41, 3)
-    assert (front.objectives[:, 1] <= 0.5).all()
-    assert front.names == ("tracking_error", "limit_margin", "speed_ratio", "jerk")
-    np.testing.assert_array_equal(
-        problem.decode(genes_of(problem)).q[:, 0], problem.starts[problem.start_indices(genes_of(problem))[:, 0]]
-    )
-    result = minimize(problem, NSGA2(pop_size=8), ("n_gen", 2), seed=1)
-    assert np.isfinite(result.F).all()
+    genes = genes_of(problem)
+    assert problem.names == ("tracking_error", "limit_margin", "speed_ratio", "jerk")
+    np.testing.assert_array_equal(problem.decode(genes).q[:, 0], problem.starts[problem.start_indices(genes)[:, 0]])
 
 
 def test_predictive_control_is_judged_by_energy_work_and_distance(predictive, optimum):

@@ -139,19 +139,15 @@ def test_a_family_finds_its_member_by_the_joints_or_the_name_of_the_arm(family, 
     assert find_controller(family, named(joints, name)).name == found
 
 
-def test_a_family_that_leaves_a_choice_says_between_what():
-    wanted = "controller must be one of ur3e, ur5e, ur10e, ur16e, got 'ur': joints and name of arm do not decide"
-    with pytest.raises(InvalidInput, match=wanted):
-        find_controller("ur", named(CONTROLLERS["ur5e"].joint_names))
-
-
-def test_an_unknown_controller_is_refused_with_those_that_are_known():
-    with pytest.raises(InvalidInput, match=r"controller must be one of franka, ur, kinova, panda, fr3, .*, got"):
-        find_controller("kuka", PANDA_ARM)
-
-
-def test_a_family_refuses_an_arm_of_another_maker():
-    with pytest.raises(
-        InvalidInput, match=r"controller gen3: joints must be joint_1, .*, got panda_joint1, .* of panda"
-    ):
-        find_controller("kinova", PANDA_ARM)
+@pytest.mark.parametrize(
+    ("name", "arm", "words"),
+    [
+        ("ur", named(CONTROLLERS["ur5e"].joint_names), "one of ur3e, ur5e, ur10e, ur16e, got 'ur': joints and name of"),
+        ("kuka", PANDA_ARM, r"controller must be one of franka, ur, kinova, panda, fr3, .*, got"),
+        ("kinova", PANDA_ARM, r"controller gen3: joints must be joint_1, .*, got panda_joint1, .* of panda"),
+    ],
+    ids=["several members", "unknown", "another maker"],
+)
+def test_a_controller_that_is_not_the_arms_is_refused_with_what_there_is(name, arm, words):
+    with pytest.raises(InvalidInput, match=words):
+        find_controller(name, arm)

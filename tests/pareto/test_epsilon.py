@@ -179,10 +179,3 @@ def test_ends_of_a_way_front_are_no_worse_than_search_with_refinement(way):
     problem, _, front = way
     polished = pk.refine(pk.solve(problem, population=24, generations=12, seed=0, points=3))
     assert (front.minimised.min(axis=0) <= polished.minimised.min(axis=0) * (1 + 1e-5)).all()
-
-
-def test_way_front_repeats_bit_for_bit(way):
-    problem, points, front = way
-    again = pk.epsilon_front(problem, points=points, starts=4)
-    assert np.array_equal(again.objectives, front.objectives)
-    assert np.array_equal(again.genes, front.genes)

@@ -165,16 +165,6 @@ def test_one_objective_is_refined_and_no_more():
     assert np.array_equal(again.ids, front.ids)
 
 
-def test_a_search_with_refine_has_new_ids_after_its_own():
-    front = pk.solve(tracking(), **SEARCH, refine=True)
-    assert len(front) <= SEARCH["points"]
-    assert len(set(front.ids.tolist())) == len(front)
-    assert (front.ids >= front.provenance["counts"]["evaluations"]).any()
-    again = pk.solve(tracking(), **SEARCH, refine=True)
-    assert np.array_equal(front.objectives, again.objectives)
-    assert np.array_equal(front.ids, again.ids)
-
-
 def test_an_initial_end_leaves_the_other_objectives_finite():
     searched_front = searched(walk)
     cold = pk.epsilon_front(walk(), points=4, starts=8, observe=False).minimised

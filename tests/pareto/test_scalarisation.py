@@ -44,18 +44,13 @@ def test_a_bound_holds_where_the_weights_alone_would_break_it():
 # Optima from cold starts, best first, and the second barrier for starts that the first one loses.
 
 
-def two_valleys():
-    """A program of x, with valleys of values 0 and 0.5 at -1 and 1, and of y."""
-    return sketched(
-        2,
-        lambda x: [(x[0] ** 2 - 1) ** 2 + 0.25 * (x[0] + 1) + 0.01 * x[1] ** 2, (x[1] - 1) ** 2],
-        lambda x: ([], [3 - x[0], 3 + x[0], 3 - x[1], 3 + x[1]]),
+def search(count=12):
+    """Return the search in two valleys, at −1 and, less deep, at 1, and for the distance from 0, within bounds."""
+    valleys = sketched(
+        1, lambda x: [(x[0] ** 2 - 1) ** 2 + 0.1 * x[0], x[0] ** 2], lambda x: ([], [2.0 - x[0], x[0] + 2.0])
     )
-
-
-def search():
-    starts = np.random.default_rng(0).uniform(-2, 2, (12, 4))
-    return StartSearch(program_of=partial(scaled, two_valleys()), starts=starts, names=("first", "second"))
+    starts = np.pad(np.linspace(-1.9, 1.9, count)[:, None], ((0, 0), (0, 2)))
+    return StartSearch(program_of=partial(scaled, valleys), starts=starts, names=("first", "second"))
 
 
 def test_starts_that_the_first_barrier_loses_are_tried_with_the_second(monkeypatch):
@@ -68,24 +63,9 @@ def test_starts_that_the_first_barrier_loses_are_tried_with_the_second(monkeypat
         search().optima(0)
 
 
-def bounded_valleys(upper=2.0):
-    """Return a program of two valleys, at −1 and, less deep, at 1, and the distance from 0, within bounds."""
-    return sketched(
-        1, lambda x: [(x[0] ** 2 - 1) ** 2 + 0.1 * x[0], x[0] ** 2], lambda x: ([], [upper - x[0], x[0] + 2.0])
-    )
-
-
-def search_from(program, starts, **settings):
-    x = np.concatenate([starts[:, None], np.zeros((len(starts), 2))], axis=1)
-    return StartSearch(
-        program_of=lambda scales: scaled(program, scales), starts=x, names=("first", "second"), **settings
-    )
-
-
 def test_below_a_bound_on_the_other_objective_optima_lie_on_it():
-    program = bounded_valleys()
-    cold = search_from(program, np.linspace(-1.9, 1.9, 5))
-    solutions = cold.optima_below(program, 0, np.array([np.inf, 0.25]), 1e-6)
+    cold = search(5)
+    solutions = cold.optima_below(cold.program_of([1.0, 1.0]), 0, np.array([np.inf, 0.25]), 1e-6)
     assert len(solutions)
     assert np.abs(solutions.x[:, 0]) == pytest.approx(0.5, abs=1e-3)
     assert solutions.x[0, 0] < 0

@@ -55,31 +55,6 @@ def test_exchange_rates_are_the_slopes_of_neighbouring_solves(front):
     assert front.certificates.exchange_rates[4, 1, 0] == pytest.approx(1 / slope[0], rel=1e-3)
 
 
-@pytest.mark.slow
-def test_three_objectives_make_a_front_of_certified_points():
-    limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
-    goals = [pk.kinetic_energy, pk.torque_norm, pk.joint_limit_distance]
-    problem = pk.Tracking(
-        pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits, differences="backward"
-    )
-    swept_front = pk.epsilon_front(problem, points=8, starts=16)
-    assert len(swept_front) >= 5
-    assert swept_front.certificates.criticality.max() <= 1e-6
-    assert swept_front.certificates.exchange_rates.shape == (len(swept_front), 3, 3)
-
-
-def test_refinement_worsens_nothing_keeps_ids_and_certifies():
-    problem = tringali_2020.energy_torque()
-    rough = pk.solve(problem, population=20, generations=8, seed=1, points=8)
-    fine = pk.refine(rough)
-    assert set(fine.ids) <= set(rough.ids)
-    for point, values in zip(fine.ids, fine.minimised, strict=True):
-        before = rough.minimised[list(rough.ids).index(point)]
-        assert np.all(values <= before + 1e-9 * np.abs(before))
-    assert np.median(fine.certificates.criticality) <= 1e-6
-    assert fine.genes is None
-
-
 def test_a_point_in_a_worse_valley_is_bettered_from_its_neighbours():
     problem = pk.Tracking(
         pk.arms.marcos_nr(4),

@@ -283,14 +283,3 @@ def test_the_highest_rate_brakes_just_before_the_limit(slack):
     rate = highest_rate(np.array([[slack]]), braking, steps)[0]
     rates = np.maximum(rate - np.cumsum(braking[:, 0] * steps), 0.0)
     assert np.sum(rates * steps) == pytest.approx(slack, rel=1e-12)
-
-
-def test_a_distance_may_shrink_as_fast_as_joints_can_brake_it():
-    limits = random_limits(np.random.default_rng(3), braking=True)
-    gradient = np.array([0.5, -1.0, 0.0])
-    braking = 0.5 * limits.acceleration[0, 0, 1] - 1.0 * limits.acceleration[0, 1, 0]
-    column = np.concatenate([[[0.0]], np.full((STEPS - 1, 1), braking)])
-    expected = highest_rate(np.array([[0.2]]), column, limits.steps)
-    np.testing.assert_allclose(limits.approach(0, np.array([0.2]), gradient[None]), expected, rtol=1e-12)
-    free = random_limits(np.random.default_rng(3), braking=False)
-    assert free.approach(0, np.array([0.2]), gradient[None]) == pytest.approx(0.2 / free.steps[0])

@@ -10,8 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.resolution.step_kernels import (
-    buffer_depth,
-    clamping_weight,
     criterion_weight,
     solve_weighted_task,
     squared_damping,
@@ -54,14 +52,7 @@ def exact_weighted_step(J, D, v):
     return (D * (J.T @ matrix[:, -1])).astype(float)
 
 
-# Weights of joints in their buffers, and of criteria
-
-
-def test_half_way_into_the_buffer_the_weight_is_a_half():
-    assert clamping_weight(0.5) == clamping_weight(-0.5) == 0.5
-    assert buffer_depth(0.3, -np.inf, np.inf, np.inf) == 0.0
-    assert buffer_depth(1.0, -1.0, 1.0, 0.0) == 1.0
-    assert buffer_depth(0.999, -1.0, 1.0, 0.0) == 0.0
+# Weights of criteria
 
 
 @given(value=st.floats(0.0, 10.0), band=st.floats(0.0, 0.45))

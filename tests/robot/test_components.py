@@ -10,7 +10,7 @@ from paretoik.robot.arms import tringali_3r
 from paretoik.robot.components import to_vector
 
 RNG = np.random.default_rng(0)
-A, B = RNG.normal(size=(2, 3, 5))  # two vectors of components over five samples
+A = RNG.normal(size=(3, 5))  # a vector of components over five samples
 
 
 def test_products_and_sums_with_zero_and_one_are_folded_away():

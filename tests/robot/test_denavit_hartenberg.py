@@ -17,17 +17,22 @@ def test_dh_poses_are_products_of_the_conventions_matrices(dh_table, convention,
     table = dh_table(seed)
     arm = Arm.from_dh(**table, convention=convention)
     for q in np.random.default_rng(seed).normal(size=(3, arm.dof)):
-        product = np.eye(4)
-        for i, kind in enumerate(table["types"]):
-            slide = kind == "prismatic"
-            theta = table["theta"][i] + (0.0 if slide else q[i])
-            d = table["d"][i] + (q[i] if slide else 0.0)
-            about_z = _turn_z(theta) @ _shift(0.0, d)
-            about_x = _turn_x(table["alpha"][i]) @ _shift(table["a"][i], 0.0)
-            product = product @ (about_x @ about_z if convention == "modified" else about_z @ about_x)
+        product = _link_frame(table, q, arm.dof - 1, convention)
         rotation, position = kinematics.forward_kinematics(arm, q)
         same(rotation, product[:3, :3], 1e-14)
         same(position, product[:3, 3], 1e-14)
+
+
+def _link_frame(table, q, last, convention):
+    """Return the frame of a link as the product of the table's matrices up to its row."""
+    product = np.eye(4)
+    for i in range(last + 1):
+        slide = table["types"][i] == "prismatic"
+        theta, d = table["theta"][i] + (0 if slide else q[i]), table["d"][i] + (q[i] if slide else 0)
+        about_z = _turn_z(theta) @ _shift(0, d)
+        about_x = _turn_x(table["alpha"][i]) @ _shift(table["a"][i], 0)
+        product = product @ (about_x @ about_z if convention == "modified" else about_z @ about_x)
+    return product
 
 
 def _turn_z(angle):
@@ -46,21 +51,14 @@ def _shift(x, z):
     return matrix
 
 
-def test_dh_bodies_of_both_conventions_stand_in_their_own_link_frames(dh_table):
+@pytest.mark.parametrize("convention", ["modified", "standard"])
+def test_dh_bodies_stand_in_their_own_link_frames(dh_table, convention):
     table = dh_table(3)
-    arm = Arm.from_dh(**table, convention="standard")
-    frames = [_standard_frame(table, q, i) for q in [np.full(arm.dof, 0.3)] for i in range(arm.dof)]
+    arm = Arm.from_dh(**table, convention=convention)
+    q = np.full(arm.dof, 0.3)
+    frames = [_link_frame(table, q, i, convention) for i in range(arm.dof)]
     height = sum(
         mass * (frame[:3, :3] @ center + frame[:3, 3])[2]
         for mass, center, frame in zip(table["masses"], table["centers"], frames, strict=True)
     )
-    same(potential_energy(arm, np.full(arm.dof, 0.3)), np.array(9.81 * height))
-
-
-def _standard_frame(table, q, last):
-    product = np.eye(4)
-    for i in range(last + 1):
-        slide = table["types"][i] == "prismatic"
-        theta, d = table["theta"][i] + (0 if slide else q[i]), table["d"][i] + (q[i] if slide else 0)
-        product = product @ _turn_z(theta) @ _shift(0, d) @ _shift(table["a"][i], 0) @ _turn_x(table["alpha"][i])
-    return product
+    same(potential_energy(arm, q), np.array(9.81 * height))

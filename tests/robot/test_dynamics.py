@@ -53,18 +53,6 @@ def test_turning_base_and_gravity_together_leaves_torques_and_kinetic_energy(any
     same(kinematics.jacobian(turned, q), twist @ kinematics.jacobian(arm, q))
 
 
-@given(seed=seeds, place=positions, turn=turns)
-@settings(max_examples=15, deadline=None)
-def test_a_moved_base_changes_the_potential_energy_by_a_constant(anyarm_of, seed, place, turn):
-    arm = anyarm_of(seed)
-    base = pose(place, turn)
-    turned = arm.mounted(base=base, gravity=base.rotation @ arm.gravity)
-    q = state_of(arm, seed)[0]
-    mass = sum(body.mass for body in arm.bodies)
-    constant = mass * (turned.gravity @ base.position)
-    same(potential_energy(turned, q) + constant, potential_energy(arm, q), 1e-11)
-
-
 @given(seed=seeds)
 @settings(max_examples=15, deadline=None)
 def test_a_point_payload_adds_its_own_newton_law_through_the_jacobian(anyarm_of, seed):

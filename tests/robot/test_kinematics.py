@@ -10,7 +10,6 @@ from paretoik.errors import InvalidInput
 from paretoik.robot import kinematics
 from paretoik.robot.arms import tringali_3r
 from paretoik.robot.kinematics import arm_constants, characteristic_length, joint_scales
-from tests.robot.laws import same
 
 
 def test_a_frame_before_a_joint_does_not_feel_it(panda_arm):
@@ -18,20 +17,6 @@ def test_a_frame_before_a_joint_does_not_feel_it(panda_arm):
     jacobian = kinematics.jacobian(panda_arm, q, "panda_link4")
     assert np.all(jacobian[:, :, 4:] == 0.0)
     assert np.abs(jacobian[:, :, :4]).max() > 0.1
-
-
-def test_the_pose_of_many_postures_is_a_batch_of_those_of_each(panda_arm):
-    q = np.random.default_rng(6).normal(size=(2, 3, 7))
-    poses, jacobians = panda_arm.pose(q), panda_arm.jacobian(q, frame="panda_link4")
-    assert (len(poses), poses.rotation.shape, jacobians.shape) == (2, (2, 3, 3, 3), (2, 3, 6, 7))
-    for i, row in enumerate(poses):
-        for j, one in enumerate(row):
-            np.testing.assert_array_equal(one.matrix, poses.matrix[i, j])
-            same(one.matrix, panda_arm.pose(q[i, j]).matrix, 1e-14)
-            same(jacobians[i, j], panda_arm.jacobian(q[i, j], frame="panda_link4"), 1e-14)
-    rotation, position = kinematics.forward_kinematics(panda_arm, q)
-    same(poses.rotation, rotation, 1e-14)
-    np.testing.assert_array_equal(poses.position, position)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pinocchio
 import pytest
 
 from paretoik.robot import dynamics, kinematics
-from tests.robot.oracles import STEP, jacobian_rate, potential_energy
+from tests.robot.oracles import STEP, potential_energy
 
 WORLD = pinocchio.LOCAL_WORLD_ALIGNED
 
@@ -60,17 +60,6 @@ def test_origins_and_jacobians_of_a_joints_frame_agree_with_pinocchio(oracle, sa
     np.testing.assert_allclose(arm.pose(q, frame=frame).position, theirs[..., 0], atol=1e-12)
     ours = arm.jacobian(q, frame=frame)
     np.testing.assert_allclose(np.concatenate([ours[:, :3], ours[:, 3:]], axis=-1), theirs[..., 1:], atol=1e-12)
-
-
-def test_jacobian_rate_agrees_with_pinocchio(oracle, samples):
-    q, dq, _ = samples(oracle.arm)
-
-    def peer(x, v):
-        pinocchio.forwardKinematics(oracle.model, oracle.data, x, v, np.zeros_like(v))
-        motion = pinocchio.getFrameClassicalAcceleration(oracle.model, oracle.data, oracle.tool, WORLD)
-        return motion.vector.copy()
-
-    agree(jacobian_rate(oracle.arm, q, dq), oracle.over(peer, q, dq))
 
 
 def test_every_joint_torque_agrees_with_pinocchio_on_its_own_scale(oracle, samples):

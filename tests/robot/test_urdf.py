@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +13,7 @@ from hypothesis import strategies as st
 from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.robot.arm import Arm
 from paretoik.robot.body import inertia_fault, nearest_inertia
-from paretoik.robot.dynamics import gravity_torques, inverse_dynamics
-from paretoik.robot.kinematics import forward_kinematics
+from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.pose import Pose
 from paretoik.robot.urdf import check_robot
 from paretoik.task.limits import Limits
@@ -91,15 +89,6 @@ def test_the_panda_has_seven_joints_its_files_limits_and_its_fingers_frozen(pand
     assert any("'panda_finger_joint1': off the chain, frozen at 0 m" in notice for notice in panda_arm.notices)
 
 
-def test_frames_of_merged_links_are_named_and_stand_where_the_file_says(panda_arm):
-    q = np.random.default_rng(0).normal(size=(3, 7))
-    flange, hand = (forward_kinematics(panda_arm, q, name) for name in ("panda_link8", "panda_hand"))
-    tip = forward_kinematics(panda_arm, q)[1]
-    assert np.linalg.norm(tip - flange[1], axis=-1) == pytest.approx(0.1034)
-    assert flange[1] + 0.1034 * flange[0][..., 2] == pytest.approx(tip)
-    assert hand[1] == pytest.approx(flange[1])
-
-
 def test_links_called_tool_and_base_are_those_of_the_file_and_the_arms_own_frames_have_other_names(write_urdf):
     turned = '<origin xyz="0 0 1" rpy="0 0 1.5"/>'
     parts = [link("root"), link("base"), link("tool"), link("tip"), joint("mount", "root", "base", "fixed", turned)]
@@ -165,12 +154,6 @@ def test_a_zero_limit_is_a_warning_and_a_required_choice(write_urdf, what):
     assert np.isfinite(limits[[0, 2]]).all()
 
 
-def test_a_urdf_is_read_and_built_without_pinocchio(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pinocchio", None)
-    assert check_robot(PANDA).faults == ()
-    assert Arm.from_urdf(PANDA, tip="panda_hand_tcp").dof == 7
-
-
 # The chain of a URDF: moving joints, frozen joints, and messages about them
 
 
@@ -189,25 +172,6 @@ def test_a_urdf_is_read_and_built_without_pinocchio(monkeypatch):
 def test_unknown_names_and_values_are_refused(options, words):
     with pytest.raises(InvalidInput, match=words):
         Arm.from_urdf(PANDA, **options)
-
-
-def test_joints_fixed_on_loading_are_the_whole_arm_held_there(panda_arm):
-    held = Arm.from_urdf(PANDA, tip="panda_hand_tcp", fixed={"panda_joint3": 0.4})
-    assert held.joint_names == tuple(f"panda_joint{i}" for i in (1, 2, 4, 5, 6, 7))
-    q = np.random.default_rng(1).normal(size=(3, 4, 6))
-    other = panda_arm.fixed(panda_joint3=0.4)
-    assert inverse_dynamics(held, *q) == pytest.approx(inverse_dynamics(other, *q), rel=1e-12, abs=1e-12)
-    assert any("'panda_joint3': on the chain, frozen at 0.4 rad" in notice for notice in held.notices)
-
-
-def test_a_base_above_the_root_leaves_out_what_is_before_it(panda_arm):
-    arm = Arm.from_urdf(PANDA, base="panda_link2", tip="panda_hand_tcp")
-    assert arm.joint_names == panda_arm.joint_names[2:]
-    assert any("what is above it is left out" in notice for notice in arm.notices)
-    q = np.random.default_rng(2).normal(size=5)
-    whole = forward_kinematics(panda_arm, np.array([0.0, 0.0, *q]))[1]
-    frame = forward_kinematics(panda_arm, np.zeros(7), "panda_link2")
-    assert frame[1] + frame[0] @ forward_kinematics(arm, q)[1] == pytest.approx(whole)
 
 
 @pytest.mark.parametrize("kind", ["planar", "floating"])

@@ -55,6 +55,23 @@ FAULTS = {
         robot(more='<link name="a"/>'),
         "line 6: link 'a': name must be its own, got that of line 3",
     ),
+    "unknown parent": (
+        jointed('<parent link="x"/><child link="b"/>' + LIMIT),
+        "line 5: joint 'j': parent must be a link of the robot, got 'x'",
+    ),
+    "mimic of itself": (
+        limited(LIMIT + '<mimic joint="j"/>'),
+        "line 5: joint 'j': must mimic another joint, got itself",
+    ),
+    "two roots": (robot(more='<link name="c"/>'), "line 1: the robot must have one root link, got 2: 'a', 'c'"),
+    "two parents": (
+        robot(more='<joint name="k" type="fixed"><parent link="a"/><child link="b"/></joint>'),
+        "line 6: link 'b': must be the child of one joint, got 'j' and 'k'",
+    ),
+    "loop": (
+        robot(more='<joint name="k" type="fixed"><parent link="b"/><child link="a"/></joint>'),
+        "line 5: joints must form a tree, got the loop 'j', 'k'",
+    ),
     "name of a novel": (
         robot(more=f'<link name="{"x" * 5000}"/>'),
         "name must have at most 200 characters as they are printed, got 5000",
@@ -99,39 +116,6 @@ def test_mass_without_inertia_is_taken_as_a_point_with_a_warning(write_urdf):
     file = write_urdf(*chain_of_three(last=point))
     assert any("link 'd': has mass but no inertia" in warning for warning in check_robot(file).warnings)
     assert Arm.from_urdf(file).bodies[2].mass == 2.0
-
-
-# Faults of trees and mimic joints
-
-
-TREE_FAULTS = {
-    "unknown parent": (
-        jointed('<parent link="x"/><child link="b"/>' + LIMIT),
-        "line 5: joint 'j': parent must be a link of the robot, got 'x'",
-    ),
-    "mimic of itself": (
-        limited(LIMIT + '<mimic joint="j"/>'),
-        "line 5: joint 'j': must mimic another joint, got itself",
-    ),
-    "two roots": (robot(more='<link name="c"/>'), "line 1: the robot must have one root link, got 2: 'a', 'c'"),
-    "two parents": (
-        robot(more='<joint name="k" type="fixed"><parent link="a"/><child link="b"/></joint>'),
-        "line 6: link 'b': must be the child of one joint, got 'j' and 'k'",
-    ),
-    "loop": (
-        robot(more='<joint name="k" type="fixed"><parent link="b"/><child link="a"/></joint>'),
-        "line 5: joints must form a tree, got the loop 'j', 'k'",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", TREE_FAULTS)
-def test_what_keeps_links_and_joints_from_being_one_tree_is_named(tmp_path, name):
-    content, words = TREE_FAULTS[name]
-    file = tmp_path / "robot.urdf"
-    file.write_text(content, encoding="utf-8")
-    faults = check_robot(file).faults
-    assert any(words in fault for fault in faults), faults
 
 
 # Files that are not the XML of a robot, in bounded time and memory

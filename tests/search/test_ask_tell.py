@@ -91,21 +91,6 @@ def test_arrays_of_another_shape_or_type_are_refused_by_name(F, G, message):
         search.tell(search.ask().ids, F, G)
 
 
-def test_rows_that_are_not_finite_count_as_failed_and_never_reach_the_front():
-    search = Search(Parabolas(), population=20, seed=1)
-    for _ in range(10):
-        asked = search.ask()
-        F = search.problem.evaluate(asked.X)
-        bad = asked.X[:, 1] < 0.8  # 70 % of the box
-        F[bad] = np.nan
-        search.tell(asked.ids, F, causes={int(asked.ids[row]): "singular" for row in np.flatnonzero(bad)[:1]})
-    assert search.failed.count > 10
-    assert search.failed.first_cause == "singular"
-    assert np.isfinite(search.archive.F).all()
-    assert (search.archive.members.X[:, 1] >= 0.8).all()
-    assert len(search.archive) > 5
-
-
 class Named(Parabolas):
     names = ("speed", "cost")
     units = ("m/s", "J")
@@ -156,9 +141,3 @@ def test_anchors_look_at_one_objective_at_a_time_and_then_at_all():
     assert np.ptp(search.population[:, 0]) > 0.5
     assert search.evaluations == 50 * 20
     assert search.ask().ids[0] == search.evaluations
-
-
-def test_anchored_searches_repeat_bit_for_bit():
-    first, second = (told(Search(get_problem("zdt1", n_var=6), population=20, seed=1, anchors=5), 20) for _ in range(2))
-    assert np.array_equal(first.archive.F, second.archive.F)
-    assert np.array_equal(first.archive.ids, second.archive.ids)

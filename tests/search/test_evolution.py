@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -30,14 +29,6 @@ def test_search_runs_until_the_first_ending_and_shows_each_generation():
     assert seen[-1].population.shape == (10, 2)
     assert seen[0].seconds <= seen[-1].seconds
     assert evolve(search(), [Generations(70), Evaluations(35)]) == "evaluations"
-
-
-def test_the_archive_never_loses_hypervolume():
-    fronts = []
-    evolve(search(), [Generations(15)], observe=lambda progress: fronts.append(progress.front))
-    for before, after in pairwise(fronts):
-        covered = (after[None] <= before[:, None]).all(axis=2).any(axis=1)
-        assert covered.all()
 
 
 def test_continued_search_equals_one_run():
@@ -96,11 +87,6 @@ def test_causes_that_the_evaluation_itself_names_are_kept():
 class Broken(Parabolas):
     def _evaluate(self, x, out, *args, **kwargs):
         raise TypeError("wrist_effort: unexpected argument")
-
-
-class Nothing(Parabolas):
-    def _evaluate(self, x, out, *args, **kwargs):
-        out["F"] = np.full((len(x), 2), np.nan)
 
 
 class Misshapen(Parabolas):

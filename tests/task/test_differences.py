@@ -201,20 +201,6 @@ def spline_motion(samples=31):
     return problem.decode(problem.sample_starts(1, np.random.default_rng(0)))
 
 
-def test_at_is_the_spline_or_its_projection_and_rates_on_a_finer_grid_are_its_derivatives():
-    motion = spline_motion()
-    t = np.linspace(0, 1, 61)
-    np.testing.assert_array_equal(motion.at(t, project=False), motion.spline.at(t)[0])
-    assert replace(motion, q=motion.at(motion.time[0])).tracking_error.max() < 1e-9
-    finer, step = finer_motion(motion), 1e-4
-    inside = finer.time[0][(finer.time[0] > 0.01) & (finer.time[0] < 0.99)]
-    around = [motion.at(inside + sign * step) for sign in (-1, 0, 1)]
-    at = np.isin(finer.time[0], inside)
-    np.testing.assert_allclose(finer.dq[:, at], (around[2] - around[0]) / (2 * step), atol=1e-4)
-    second = (around[0] - 2 * around[1] + around[2]) / step**2
-    np.testing.assert_allclose(finer.ddq[:, at], second, atol=2e-2 * np.abs(second).max())
-
-
 def test_integrals_are_simpsons_with_the_middles_between_samples():
     motion = spline_motion()
     dense = motion.instants

@@ -89,18 +89,6 @@ def test_torque_power_and_energy_are_those_of_the_arm():
     )
 
 
-def test_the_tool_is_where_the_arm_puts_it():
-    motion = Motion(arm=ARM, time=even(7), q=np.random.default_rng(8).normal(size=(7, 3)))
-    angles = np.cumsum(motion.q, axis=1)
-    lengths = np.array([0.176, 0.176, 0.1375])
-    expected = np.stack([np.cos(angles) @ lengths, np.sin(angles) @ lengths], axis=-1)
-    np.testing.assert_allclose(motion.tool, expected, atol=1e-14)
-    np.testing.assert_allclose(motion.links[:, -1, :2], expected, atol=1e-14)
-    np.testing.assert_allclose(motion.tool_rotation[:, 0, 0], np.cos(angles[:, -1]), atol=1e-14)
-    assert motion.links.shape == (7, 5, 3)
-    assert Motion(arm=SPATIAL, time=even(7), q=np.zeros((7, 4))).tool.shape == (7, 3)
-
-
 def test_manipulability_is_that_of_the_tasks_or_of_the_tool():
     q = np.random.default_rng(9).normal(size=(7, 3))
     path = line([0.4, 0.0], [0.2, 0.2], duration=1.0, samples=7)

@@ -51,18 +51,6 @@ def test_violations_are_the_worst_of_every_limit():
     np.testing.assert_allclose(result.violations(motions[3]), result.violations(motions)[3], rtol=1e-12)
 
 
-def test_limits_along_the_path_hold_each_at_its_own_sample():
-    bound = np.full((21, 3), 2.0)
-    bound[7] = 0.1
-    result = task(limits=Limits(position=bound))
-    q = np.full((2, 21, 3), 0.05)
-    q[0, 8] = 0.3
-    q[1, 7] = 0.3
-    violations = result.violations(result.motion(q))
-    assert (violations[0] <= 0).all()
-    np.testing.assert_allclose(violations[1], 0.2 / 0.2)
-
-
 def test_the_binding_limit_is_told_with_joint_share_sample_and_time():
     result = task(limits=Limits(position=1.0, velocity=50.0))
     q = np.zeros((21, 3))

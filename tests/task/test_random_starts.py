@@ -87,18 +87,6 @@ def test_candidates_are_continuous_motions_on_the_path(make):
     assert np.abs(np.diff(q, axis=1)).max() <= OPTIONS.longest_jump
 
 
-def test_candidates_of_a_cycle_close_to_the_bit():
-    q = rollout_starts(round_trip(), 60, chance())
-    np.testing.assert_array_equal(q[:, 0], q[:, -1])
-
-
-def test_candidates_begin_at_the_given_start_to_the_bit():
-    start = sample_postures(paper(), 40, chance())[0]
-    q = rollout_starts(paper(start=start), 30, chance())
-    np.testing.assert_array_equal(q[:, 0], np.tile(start, (len(q), 1)))
-    assert np.ptp(q[:, -1], axis=0).max() > 0.05
-
-
 @every_task
 def test_perturbed_motions_stay_on_the_path_and_leave_their_origins(make):
     task = make()

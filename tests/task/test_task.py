@@ -80,15 +80,6 @@ def test_a_task_without_axes_takes_what_the_path_gives(arm, path, axes):
 
 
 @every_kind
-def test_the_error_vanishes_where_the_frame_is_on_the_path(arm, axes, path):
-    q = np.random.default_rng(0).uniform(-1, 1, (6, arm.dof))
-    task = Task(path, axes=axes).resolve_axes(arm)
-    error, _ = task_errors(arm, [task], q, targets_at(task, through(arm, q, path)))
-    assert error.shape == (6, task.rows)
-    assert np.abs(error).max() < 1e-14
-
-
-@every_kind
 def test_on_the_path_what_a_target_travels_is_the_error_to_the_next(arm, axes, path):
     q = np.random.default_rng(0).uniform(-1, 1, (6, arm.dof))
     rotations, places = forward_kinematics(arm, q)

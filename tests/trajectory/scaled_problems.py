@@ -103,14 +103,6 @@ def straight(units, objectives, samples=51, limits=JOINTS, **settings):
     return problem(arm, path, units, objectives, limits, **settings)
 
 
-def around(units, objectives, samples=51, **settings):
-    """The arm around a circle, back to where it started, torques limited."""
-    arm = scaled_arm(pk.arms.tringali_3r(), units)
-    center = units.length * (np.array(tringali_2020.START) - [tringali_2020.RADIUS, 0.0])
-    path = pk.circle(center, units.length * tringali_2020.RADIUS, duration=units.time, samples=samples)
-    return problem(arm, path, units, objectives, JOINTS | {"torque": 2.5}, cyclic=True, **settings)
-
-
 def past_an_obstacle(units, objectives, clearance=0.005, **settings):
     """The arm along the line, with a disc next to it."""
     disc = pk.obstacles.Circle(units.length * np.array([0.3, -0.12]), units.length * 0.05)

@@ -13,10 +13,10 @@ import paretoik as pk
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.obstacles import clearance
-from paretoik.task.random_starts import sample_postures
-from paretoik.trajectory.infeasibility import _speed_violation, no_posture_keeps_limits
+from paretoik.trajectory.infeasibility import no_posture_keeps_limits
 from problems import panda, tringali_2020
 from tests.api.problems import PATH
+from tests.robot.planar_postures import all_postures
 
 POSITION = np.deg2rad([90, 120, 120])
 
@@ -131,21 +131,7 @@ def test_no_feasible_problem_in_space_is_refused(seed):
     problem.require_feasible()
 
 
-def enumerate_postures(arm, point, angles):
-    """Return all postures of a planar arm of three joints with its tool at a point, by angles of its last link."""
-    first, second, third = (float(np.linalg.norm(pose.position)) for pose in (*arm.placements[1:], arm.tool))
-    wrist = point - third * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    cosine = ((wrist**2).sum(axis=1) - first**2 - second**2) / (2 * first * second)
-    within = np.abs(cosine) <= 1
-    postures = []
-    for side in (-1.0, 1.0):
-        elbow = side * np.arccos(np.clip(cosine, -1, 1))
-        shoulder = np.arctan2(wrist[:, 1], wrist[:, 0]) - np.arctan2(
-            second * np.sin(elbow), first + second * np.cos(elbow)
-        )
-        q = np.stack([shoulder, elbow, angles - shoulder - elbow], axis=1)[within]
-        postures.append((q + np.pi) % (2 * np.pi) - np.pi)
-    return np.concatenate(postures)
+LENGTHS = 0.176, 0.176, 0.1375  # m, of the paper's arm
 
 
 def test_a_posture_is_proved_impossible_if_and_only_if_closed_form_postures_break_the_limits():
@@ -164,7 +150,7 @@ def test_a_posture_is_proved_impossible_if_and_only_if_closed_form_postures_brea
             except pk.InvalidInput:  # it overlaps the base
                 continue
         sample = int(rng.integers(26))
-        q = enumerate_postures(arm, path.positions[sample], angles)
+        q = all_postures(LENGTHS, path.positions[sample], angles)
         distance = clearance([obstacle], link_nodes(arm, q)) / 0.01
         margin = np.minimum((limits.position - np.abs(q)).min(axis=1), distance).max()
         proved = no_posture_keeps_limits(task, sample)
@@ -178,7 +164,7 @@ def test_speeds_are_proved_impossible_only_if_linear_programs_of_all_postures_sa
     arm, path = pk.arms.tringali_3r(), tringali_2020.straight(101)
     sample = 50
     velocity = path.rates(path.times[[sample]]).velocity[0]
-    q = enumerate_postures(arm, path.positions[sample], np.linspace(-np.pi, np.pi, 120, endpoint=False))
+    q = all_postures(LENGTHS, path.positions[sample], np.linspace(-np.pi, np.pi, 120, endpoint=False))
     needed = min(least_speed(arm.jacobian(each)[:2], velocity) for each in q)
     proved = []
     for share in (0.5, 0.8, 1.02):
@@ -186,21 +172,6 @@ def test_speeds_are_proved_impossible_only_if_linear_programs_of_all_postures_sa
         task = pk.Tracking(arm, path, objectives=[pk.kinetic_energy], limits=limits, bases=1).task
         proved.append(no_posture_keeps_limits(task, sample))
     assert proved == [True, True, False]
-
-
-@pytest.mark.parametrize("spatial", [False, True], ids=["plane", "space"])
-def test_the_speed_that_a_posture_needs_is_that_of_linear_programs(spatial):
-    arm = panda.panda() if spatial else pk.arms.tringali_3r()
-    path = pk.line([0.5, -0.2, 0.5], [0.4, 0.3, 0.3], duration=1.0) if spatial else tringali_2020.straight(101)
-    limits, sample = np.linspace(0.1, 0.3, arm.dof), 40
-    problem = pk.Tracking(
-        arm, path, objectives=[pk.kinetic_energy], limits=pk.Limits(position=np.inf, velocity=limits), bases=1
-    )
-    q = sample_postures(problem.task, 20, np.random.default_rng(0), sample=sample)
-    velocity = path.rates(path.times[[sample]]).velocity[0]
-    needed = [least_speed(arm.jacobian(each)[: len(velocity)] * limits, velocity) for each in q]
-    assert len(q) > 5
-    assert _speed_violation(problem.task, sample, q) == pytest.approx((np.array(needed) - 1) / 2, rel=1e-9)
 
 
 def least_speed(jacobian, velocity):
@@ -224,7 +195,7 @@ def test_gravity_is_blamed_if_and_only_if_no_posture_can_be_held(strength):
     path = pk.line([0.40, 0.05], [0.44, 0.05], duration=4.0, samples=26)
     hold = min(
         float(np.abs(gravity_torques(arm, q)).max())
-        for q in enumerate_postures(arm, path.positions[-1], np.linspace(-np.pi, np.pi, 2000, endpoint=False))
+        for q in all_postures(LENGTHS, path.positions[-1], np.linspace(-np.pi, np.pi, 2000, endpoint=False))
     )
     limits = pk.Limits(torque=strength * hold, velocity=0.5)
     problem = pk.Tracking(arm, path, objectives=[pk.kinetic_energy], limits=limits)
@@ -276,15 +247,6 @@ POINTS = PATH.positions
 
 def planar(obstacles, *, arm=ARM, path=PATH, **settings):
     return pk.Tracking(arm, path, objectives=[pk.kinetic_energy], obstacles=obstacles, **settings)
-
-
-@pytest.mark.parametrize("sample", [0, 7])
-def test_the_obstacle_the_link_and_the_sample_are_named_before_any_search(sample):
-    clear, blocked = pk.obstacles.Circle([1.0, 1.0], 0.1), pk.obstacles.Circle(POINTS[sample], 0.004)
-    words = rf"obstacle 2, a circle, is in its way: at sample {sample} \(.*, the worst of \d+, the end of link 3"
-    with pytest.warns(RuntimeWarning, match=words) as caught:
-        planar([clear, blocked])
-    assert "reaches 0.004 m into it" in str(caught[0].message)
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.nlp import minimise as batches
 from paretoik.nlp.minimise import minimise_violation
 from paretoik.nlp.program import Goal, InteriorPointOptions
 from paretoik.nlp.sqp import SqpOptions, minimise
-from paretoik.trajectory.plan import find_optima
 from paretoik.trajectory.plan_starts import initial_motions
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
-from problems.panda import across_the_table
 from tests.pareto.motions import certify_motions
 
 LIMITS = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
@@ -35,11 +32,10 @@ def memory(motion):
     return np.cumsum(motion.dq[..., 0] ** 2, axis=-1)
 
 
-def problem_of(*objectives, samples=26, **settings):
-    closed = settings.get("cyclic", False)
-    path = pk.circle([0.2, 0.1], 0.05, duration=1.0, samples=samples) if closed else tringali_2020.straight(samples)
-    settings = {"differences": "backward", **settings}
-    return pk.Tracking(pk.arms.tringali_3r(), path, objectives=objectives, limits=LIMITS, bases=1, **settings)
+def problem_of(*objectives, limits=LIMITS, **settings):
+    settings = {"differences": "backward", "bases": 1, **settings}
+    path = tringali_2020.straight(26)
+    return pk.Tracking(pk.arms.tringali_3r(), path, objectives=objectives, limits=limits, **settings)
 
 
 def solved(task, q, **settings):
@@ -56,17 +52,6 @@ def test_both_solvers_agree_on_where_they_end_from_the_same_optimum(name):
     solution = solved(problem.task, best.motion.q, radius=0.01)
     assert solution.status == 0
     assert solution.objectives[0] == pytest.approx(best.objective, rel=1e-8)
-
-
-@pytest.mark.slow
-def test_both_solvers_agree_on_a_spatial_arm():
-    whole = across_the_table().task
-    task = replace(whole, objectives=whole.objectives[:1]).subsample(26)
-    best = find_optima(task, starts=4, seed=0).best
-    program = motion_program(task, [best.objective])
-    solution = batches.minimise(program, best.motion.q[None], np.ones((1, 1)), solver="sqp")
-    assert solution.converged.all()
-    assert solution.objectives[0, 0] == pytest.approx(1.0, rel=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -120,13 +105,10 @@ def first_order(at, along):
     """Return the change of the totals along a step of the self-motion, with optimal slacks and epigraph variables."""
     from scipy.optimize import linprog
 
-    unknowns, ties = at.unknowns, at.elastic
-    columns = at.gradients.shape[1]
-    slopes, gaps = at.jacobian[ties:].toarray(), at.inequalities[ties:]
-    tight = gaps < 1e-9
-    solution = []
+    unknowns, ties, columns = at.unknowns, at.elastic, at.gradients.shape[1]
     if unknowns == columns:
         return at.gradients @ along
+    slopes, tight, solution = at.jacobian[ties:].toarray(), at.inequalities[ties:] < 1e-9, []
     for gradient in at.gradients:
         extra = linprog(
             gradient[unknowns:],
@@ -157,21 +139,8 @@ def test_a_torque_limit_just_below_the_least_possible_is_refused_by_name_and_jus
     smallest_peak = pk.plan(problem_of(pk.peak_torque), starts=4).best.objective
 
     def limited(share):
-        limits = pk.Limits(
-            position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY, torque=share * smallest_peak
-        )
-        path = tringali_2020.straight(26)
-        return pk.plan(
-            pk.Tracking(
-                pk.arms.tringali_3r(),
-                path,
-                objectives=[pk.kinetic_energy],
-                limits=limits,
-                bases=1,
-                differences="backward",
-            ),
-            starts=2,
-        )
+        limits = replace(LIMITS, torque=share * smallest_peak)
+        return pk.plan(problem_of(pk.kinetic_energy, limits=limits), starts=2)
 
     with pytest.raises(
         pk.Infeasible, match=r"of the least-violating one, (torque|position|velocity) of joint\d .*at sample \d+"
@@ -181,11 +150,7 @@ def test_a_torque_limit_just_below_the_least_possible_is_refused_by_name_and_jus
 
 
 def test_the_least_violation_is_found_where_limits_cannot_hold():
-    limits = pk.Limits(velocity=1.0)
-    path = tringali_2020.straight(26)
-    task = pk.Tracking(
-        pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1, differences="backward"
-    ).task
+    task = problem_of(pk.kinetic_energy, limits=pk.Limits(velocity=1.0)).task
     q = initial_motions(task, starts=3, seed=0)
     program = motion_program(task)
     eased = minimise_violation(program, q, np.full(1, np.inf), [InteriorPointOptions()])
@@ -234,17 +199,3 @@ def test_a_choice_that_jumps_is_refused_by_name_and_one_that_only_has_a_kink_is_
     best = pk.plan(problem_of(bent), starts=2).best
     certificate = certify_motions(problem_of(bent).task, best.motion.q[None], np.array([best.objective]))
     assert certificate.criticality[0] <= 1e-6
-
-
-@pytest.mark.slow
-def test_points_of_a_front_end_at_the_same_minima_by_both_solvers():
-    problem = tringali_2020.energy_torque()
-    searched = pk.solve(problem, population=24, generations=10, seed=1, observe=False)
-    chosen = searched[searched.ids[:6]]
-    ends = [pk.refine(chosen, solver=solver, observe=False) for solver in ("interior-point", "sqp")]
-    for front in ends:
-        assert set(front.certificates.status) == {"minimum"}
-    widths = np.ptp(ends[0].ranges, axis=1)
-    for end, other in (ends, ends[::-1]):
-        apart = np.abs(end.objectives[:, None] - other.objectives) / widths
-        assert apart.max(axis=2).min(axis=1).max() < 1e-6

@@ -23,24 +23,6 @@ def test_the_printed_arm_has_five_unconstrained_energy_optima():
     assert len({optimum.label for optimum in planned.optima}) == 5
 
 
-@pytest.mark.slow
-def test_while_optima_are_rare_there_are_more_starts_and_with_them_better_optima():
-    free = pk.Tracking(
-        pk.arms.tringali_3r(), tringali_2020.straight(), objectives=[pk.torque_norm], differences="backward"
-    )
-    tried = []
-    planned = pk.plan(free, seed=0, observe=lambda level: tried.append((level.done, int(level.summary.split()[0]))))
-    assert tried[0][0] == 26
-    assert tried[0][1] > 48
-    assert planned.best.objective <= pk.plan(free, seed=1, starts=240).best.objective * (1 + 1e-9)
-    tried.clear()
-    pk.plan(
-        tringali_2020.simulation_5(), observe=lambda level: tried.append((level.done, int(level.summary.split()[0])))
-    )
-    assert tried[0][0] == 26
-    assert tried[0][1] < 48  # two optima, each from many
-
-
 @pytest.mark.parametrize("number", [1, *(pytest.param(number, marks=pytest.mark.slow) for number in (2, 3, 4))])
 def test_no_way_through_the_grid_beats_the_plan_from_a_given_start(number):
     problem = tringali_2021.problem(number, samples=51)
@@ -120,12 +102,6 @@ def test_optima_follow_the_path_within_the_limits_and_are_apart(name):
         assert optimum.objective == pytest.approx(float(problem.task.objectives[0](motion)), rel=1e-12)
         for other in planned.optima[:i]:
             assert joint_distance(problem.task, motion.q, other.motion.q) > 0.01
-
-
-def test_the_same_seed_gives_the_same_bits():
-    problem = tringali_2020.simulation_3()
-    first, second = (pk.plan(problem, seed=7, starts=12) for _ in range(2))
-    assert np.array_equal(first.best.motion.q, second.best.motion.q)
 
 
 def test_the_energy_optimum_under_limits_is_that_of_ipopt():

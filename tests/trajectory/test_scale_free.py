@@ -10,7 +10,7 @@ import pytest
 import paretoik as pk
 from paretoik.task.random_starts import rollout_starts
 from paretoik.trajectory.transcription import motion_program
-from tests.trajectory.scaled_problems import Units, around, of_a_panda, on_a_rail, past_an_obstacle, straight
+from tests.trajectory.scaled_problems import Units, of_a_panda, on_a_rail, past_an_obstacle, straight
 
 OTHERS = {
     "hundredths of a second": Units(time=0.01),
@@ -25,10 +25,7 @@ OTHERS = {
     "all of them": Units(time=30.0, length=0.02, mass=300.0, objective=1e-4),
 }
 SI = Units()
-ALL = OTHERS["all of them"]
-POWERS_OF_TWO = Units(
-    time=2.0**5, length=2.0**-6, mass=2.0**8, objective=2.0**-13
-)  # powers of two, which round nothing
+POWERS_OF_TWO = Units(time=2.0**5, length=2.0**-6, mass=2.0**8, objective=2.0**-13)  # which round nothing
 
 PROBLEMS = {
     "torques and powers": partial(
@@ -37,14 +34,12 @@ PROBLEMS = {
     "accelerations": partial(
         straight, objectives=["kinetic_energy"], limits={"velocity": 3.8, "acceleration": 40.0}, differences="central"
     ),
-    "a circle": partial(around, objectives=["kinetic_energy"]),
     "a spline": partial(
         straight, objectives=["torque_norm"], limits={"velocity": 3.8, "torque": 0.4}, differences="spline", samples=26
     ),
     "an obstacle": partial(past_an_obstacle, objectives=["kinetic_energy"]),
     "a rail": partial(on_a_rail, objectives=["kinetic_energy"]),
     "a rail, spline": partial(on_a_rail, objectives=["kinetic_energy"], differences="spline"),
-    "a short rail": partial(on_a_rail, objectives=["kinetic_energy"], joints=2),
     "a panda": partial(of_a_panda, objectives=["kinetic_energy"]),
 }
 SLOW = ("an obstacle", "a rail, spline", "a panda")
@@ -69,31 +64,26 @@ def assert_same(values, motions, other_values, other_motions, units, names):
     np.testing.assert_allclose(other_motions.q / lengths, motions.q, rtol=0, atol=1e-6)
 
 
-def assert_same_plan(name, units):
-    one, other = planned(name, SI), planned(name, units)
+def is_quick(name, unit):
+    """Return whether the default run has a case: one problem in every unit, and most in all units at once."""
+    return name == "torques and powers" or (unit == "all of them" and name not in SLOW)
+
+
+CASES = [
+    pytest.param(name, unit, marks=[] if is_quick(name, unit) else pytest.mark.slow)
+    for name in PROBLEMS
+    for unit in OTHERS
+]
+
+
+@pytest.mark.parametrize(("name", "unit"), CASES)
+def test_a_plan_is_the_same_in_every_unit(name, unit):
+    one, other, units = planned(name, SI), planned(name, OTHERS[unit]), OTHERS[unit]
     assert len(other.optima) == len(one.optima)
     assert [each.label for each in other.optima] == [each.label for each in one.optima]
     for optimum, scaled in zip(one.optima, other.optima, strict=True):
         objective = PROBLEMS[name].keywords["objectives"]
         assert_same([optimum.objective], optimum.motion, [scaled.objective], scaled.motion, units, objective)
-
-
-@pytest.mark.parametrize("unit", OTHERS)
-@pytest.mark.parametrize("name", ["torques and powers", "a rail"])
-def test_a_plan_is_the_same_in_every_unit(name, unit):
-    assert_same_plan(name, OTHERS[unit])
-
-
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in PROBLEMS])
-def test_every_plan_is_the_same_in_other_units(name):
-    assert_same_plan(name, ALL)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("unit", OTHERS)
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_every_plan_is_the_same_in_every_unit(name, unit):
-    assert_same_plan(name, OTHERS[unit])
 
 
 @pytest.mark.parametrize("unit", OTHERS)

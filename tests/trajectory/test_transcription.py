@@ -1,10 +1,8 @@
 import numpy as np
-import pytest
 
-import paretoik as pk
 from paretoik.task.random_starts import rollout_starts
 from paretoik.trajectory.transcription import motion_program
-from problems import panda, tringali_2020
+from problems import tringali_2020
 
 
 def sample_inputs(program, q, factors, multipliers):
@@ -18,36 +16,6 @@ def sample_inputs(program, q, factors, multipliers):
 
 def motion_of(task, seed=0):
     return rollout_starts(task, 8, np.random.default_rng(seed))[0]
-
-
-@pytest.mark.parametrize(
-    "make",
-    [tringali_2020.simulation_5, panda.across_the_table],
-    ids=lambda make: make.__name__,
-)
-def test_sums_and_rates_are_those_of_the_motion(make):
-    task = make().task
-    if len(task.objectives) > 1:
-        task = pk.Tracking(
-            task.arm,
-            task.tasks[0].path,
-            objectives=[pk.kinetic_energy, pk.torque_norm, pk.manipulability],
-            bases=1,
-            differences="backward",
-        ).task
-    program, q = motion_program(task), motion_of(task)
-    inputs = sample_inputs(program, q, np.ones(program.sums), 0.0)
-    values = program.evaluators.value(inputs)
-    motion = task.motion(q)
-    objectives = values[: program.sums] @ task.weights
-    expected = [o(motion) * o.sign for o in task.objectives]
-    assert objectives == pytest.approx(expected, rel=1e-12)
-    n = task.arm.dof
-    assert np.allclose(inputs[n : 2 * n].T, motion.dq, rtol=0, atol=1e-10 * np.abs(motion.dq).max())
-    torque = [i for i, row in enumerate(program.rows) if row.startswith("torque")]
-    for row, j in zip(torque, range(n), strict=False):
-        size = np.abs(motion.torque).max()
-        assert values[program.sums + row] == pytest.approx(motion.torque[:, j], rel=1e-10, abs=1e-12 * size)
 
 
 def test_slopes_and_second_derivatives_are_those_of_central_differences():

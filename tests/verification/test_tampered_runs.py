@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 import warnings
 
 import pytest
 
 import paretoik as pk
-from paretoik.cli import main
 from paretoik.errors import InvalidRun
 from paretoik.runs.files import RUN, run_bytes
 from studies.benchmarks.reliability.verifier import FAULTS, edit
@@ -61,22 +59,6 @@ def test_an_edited_run_is_opened_or_refused_in_a_line_and_motions_off_the_path_a
         opened(edited, problem, kind)
     except pk.InvalidInput as refusal:
         assert "\n" not in str(refusal)  # noqa: PT017
-
-
-@pytest.mark.parametrize("command", [["select", "--point", "0"], pytest.param(["verify"], marks=pytest.mark.slow)])
-def test_every_command_refuses_motions_off_the_path_with_an_exit_code(good_run, tmp_path, monkeypatch, capsys, command):
-    folder, *_ = good_run("search")
-    edited = edit(folder, tmp_path / "edited", FAULTS["columns swapped"][1])
-    verb, *options = command
-    words = [verb, str(edited), *options, "--problem", "studies/benchmarks/reliability/good_runs.py:tracking"]
-    monkeypatch.setattr(sys, "argv", ["paretoik", *words])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    printed = capsys.readouterr()
-    assert ended.value.code == (7 if verb == "verify" else 2)
-    line = printed.out if verb == "verify" else printed.err
-    assert re.search("tracking at samples|motions must be on the path of the problem, got point", line)
-    assert "Traceback" not in printed.err
 
 
 def test_no_file_but_the_runs_own_is_read_where_it_is_edited(good_run, tmp_path):

@@ -1,11 +1,9 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import subprocess
 import sys
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -95,11 +93,13 @@ def test_the_command_prints_rows_and_ends_with_its_own_exit_code(good_run, tmp_p
     folder, *_ = good_run("search")
     edited = edit(folder, tmp_path / "edited", FAULTS["an id twice"][1])
     command = [sys.executable, "-m", "paretoik", "verify"]
-    good = subprocess.run([*command, folder, "--json"], capture_output=True, text=True, check=False)
+    problem = ["--problem", "studies/benchmarks/reliability/good_runs.py:tracking"]
+    good = subprocess.run([*command, folder, "--json", *problem], capture_output=True, text=True, check=False)
     bad = subprocess.run([*command, edited], capture_output=True, text=True, check=False)
     assert (good.returncode, bad.returncode) == (0, 7)
     assert json.loads(good.stdout)["passed"] is True
     assert "an id is in the table twice" in bad.stdout
+    assert "verification" in good.stderr
 
 
 def test_an_observer_learns_how_many_points_are_checked(good_run):
@@ -124,48 +124,6 @@ def test_an_observer_that_raises_ends_the_verification_at_once(good_run):
         pk.verify(folder, problem, observe=watch)
     assert shown == [0]
     assert pk.verify(folder, problem, observe=False).rows  # no flag is left
-
-
-MINE = '''
-import numpy as np
-import paretoik as pk
-
-
-def reach() -> pk.Tracking:
-    """A short line."""
-    path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=11)
-    limits = pk.Limits(position=np.deg2rad([90, 120, 120]))
-    return pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy, pk.torque_norm], limits=limits)
-'''
-SHORT = ("--population", "12", "--generations", "3", "--quiet")
-
-
-def test_the_command_shows_progress_on_stderr_with_and_without_a_terminal(tmp_path):
-    (tmp_path / "mine.py").write_text(MINE)
-    paretoik = [sys.executable, "-m", "paretoik"]
-    subprocess.run([*paretoik, "solve", "mine.py:reach", "--out", "run", *SHORT], cwd=tmp_path, check=True)
-    command = [*paretoik, "verify", "run", "--problem", "mine.py:reach"]
-    for main, own in (os.pipe(), os.openpty()):
-        with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=own, text=True) as process:
-            os.close(own)
-            shown = read_to_end(main)
-            said = process.stdout.read()
-        assert process.returncode == 0
-        assert "checks pass" in said
-        assert "verification" not in said
-        assert "verification" in shown
-    quiet = subprocess.run([*command, "--quiet"], cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert quiet.stderr == ""
-
-
-def read_to_end(descriptor: int) -> str:
-    """Return the text written there until no writer is left."""
-    content = b""
-    with suppress(OSError):  # a terminal without a holder
-        while block := os.read(descriptor, 4096):
-            content += block
-    os.close(descriptor)
-    return content.decode()
 
 
 @pk.objective(unit="rad", form="integral")
