@@ -160,6 +160,11 @@ def cause_of(error: BaseException, where: str = "") -> str:
     return f"{kind}: {text}" if text else kind
 
 
+def first_line(fault: BaseException) -> str:
+    """Return the first line of an error's text, else its type."""
+    return (str(fault).splitlines() or [type(fault).__name__])[0]
+
+
 def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Objectives) -> None:
     """Warn of objectives that are constant, random, or duplicates.
 

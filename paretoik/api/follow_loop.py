@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +17,11 @@ from paretoik.errors import InvalidInput
 from paretoik.formulations.closed_loop import ClosedLoop, ClosedLoopRun, explain_choice
 from paretoik.formulations.control_step import check_steps
 from paretoik.front.front import Front
-from paretoik.front.storage import array_bytes
 from paretoik.progress import RunProgress
 from paretoik.review.recording.messages import workcell_of
 from paretoik.review.recording.recorder import Generation, SearchedFront, SearchedStep, SearchEnd
 from paretoik.runs.file_replacement import replace_file
-from paretoik.runs.files import PICTURE, SEARCHES, STEPS
+from paretoik.runs.files import PICTURE, SEARCHES, STEPS, array_bytes, table_bytes
 
 SEARCH_SETTINGS = (
     *("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver"),
@@ -141,16 +139,13 @@ def _save_steps(run: ClosedLoopRun, ranges: np.ndarray, searched: Sequence[Searc
     generations, individuals), and ``chosen`` (steps, generations): index of an individual, −1 if all failed.
     """
     import pyarrow as pa
-    from pyarrow import parquet
 
     samples = np.arange(1, len(run.q))
     columns: dict[str, np.ndarray] = {"sample": samples, "time": run.task.times[samples]}
     for axis, name in enumerate(run.loop.names):
         columns[f"chosen {name}"] = run.values[:, axis]
         columns[f"best {name}"], columns[f"worst {name}"] = ranges[:, axis].T
-    content = BytesIO()
-    parquet.write_table(pa.table(columns), content)
-    replace_file(folder / STEPS, content.getvalue())
+    replace_file(folder / STEPS, table_bytes(pa.table(columns)))
     if not searched:
         return
     on_front = np.zeros((len(searched), *searched[0].q.shape[:2]), dtype=bool)

@@ -253,28 +253,68 @@ class FrontSearch:
             anchors=given.anchors,
         )
         self.improver = SearchImprover(self.search, problem, given.solver) if given.refine else None
-        self.endings = _endings(self.search, given)
+        self.endings: list[Ending] = [Generations(given.generations)]
+        if given.time_limit is not None:
+            limit = TimeLimit(given.time_limit)
+            refined = replace(limit, seconds=OPTIONS.search_time * limit.seconds) if given.refine else limit
+            self.endings.append(refined)
+        if given.evaluations is not None:
+            self.endings.append(Evaluations(given.evaluations))
+        target = given.target
+        if target is not None:
+            values = real_array("target", target)
+            if values.shape != (problem.n_obj,):
+                wish = f"target must be {problem.n_obj} numbers, one per objective"
+                raise InvalidInput(f"{wish}, got {shown(target)}")
+            self.endings.append(Target(tuple(np.where(self.search.maximised, -values, values).tolist())))
+        if given.stagnation:
+            self.endings.append(Stagnation(since=given.anchors * problem.n_obj))
         self._motions, self._hypervolume = GenerationMotions(self.search), HypervolumeCurve()
-        target = given.target  # an infinite number is text in strict JSON
-        stored = {
-            "initial": given.initial is not None,
-            "algorithm": None if given.algorithm is None else type(given.algorithm).__name__,
-            "target": None if target is None else [float(each) if np.isfinite(each) else str(each) for each in target],
-        }
+        # In strict JSON an infinite number is text.
+        wished = None if target is None else [float(each) if np.isfinite(each) else str(each) for each in target]
+        kind = None if given.algorithm is None else type(given.algorithm).__name__
+        stored = {"initial": given.initial is not None, "algorithm": kind, "target": wished}
         names = [each.name for each in fields(given) if each.name not in NOT_STORED]
         self.settings = {name: getattr(given, name) for name in names} | stored
 
     def run(self, session: Session) -> Front:
         """Return the saved and drawn front, refined unless a signal came."""
         session.continues, started, given = True, computing_clock(), self._given
-        front = self._evolve(session)
-        status = front.provenance["status"]
+        search = self.search
+        hopeless = _SignalOrHopeless(session, self.problem, looks=self._initial["genes"] is None)
+        remembered_initial(**self._initial)
+        session.record_search(search, "generation")
+        endings = [*self.endings, hopeless]
+        seconds = min((each.seconds for each in endings if isinstance(each, TimeLimit)), default=None)
+        limit, observe = CallTimeLimit(seconds=seconds), partial(self._show, session)
+        try:
+            with limit.limiting_calls():
+                timeout = given.evaluation_timeout
+                status = evolve(search, endings, seconds=timeout, observe=observe, improve=self.improver)
+        except Exception as error:  # a user's function or observer may fail after many generations
+            if len(search.archive.F):
+                session.keep_found(self._front(session, type(error).__name__), error)
+            raise
+        if limit.late:
+            status = "time limit"
+            if not search.generation:
+                text = f"nothing was found within {limit.seconds:g} s; {limit.late} took longer than that"
+                raise SolverFailed(f"time_limit: {text}")
+        status = session.signal or status
+        front = self._front(session, status)
+        if not len(front):
+            failure = hopeless.failure
+            if failure is None:
+                failure, session.nearest = infeasible_search(search)
+            if session.signal is None:
+                raise failure
+            raise Interrupted from failure
         if given.refine and (status == "time limit" or status not in STOPPED):
             session.save_draft(front)  # refinement takes long, and the search must not be lost
             completion = Completion(
                 points=len(front) if given.points is None else given.points,
                 seed=self.settings["seed"],
-                first_id=max(self.search.evaluations, int(front.ids.max()) + 1),
+                first_id=max(search.evaluations, int(front.ids.max()) + 1),
             )
             spent = computing_clock() - started
             remaining = None if given.time_limit is None else max(given.time_limit - spent, 1e-3)
@@ -286,43 +326,6 @@ class FrontSearch:
             front = replace(front, provenance={**front.provenance, **ending})
         session.finish_front(front)
         return front
-
-    def _evolve(self, session: Session) -> Front:
-        """Return the front of the search, not refined."""
-        search = self.search
-        hopeless = _SignalOrHopeless(session, self.problem, looks=self._initial["genes"] is None)
-        remembered_initial(**self._initial)
-        session.record_search(search, "generation")
-        endings = [*self.endings, hopeless]
-        seconds = min((each.seconds for each in endings if isinstance(each, TimeLimit)), default=None)
-        limit = CallTimeLimit(seconds=seconds)
-        try:
-            with limit.limiting_calls():
-                status = evolve(
-                    search,
-                    endings,
-                    seconds=self._given.evaluation_timeout,
-                    observe=partial(self._show, session),
-                    improve=self.improver,
-                )
-        except Exception as error:  # a user's function or observer may fail after many generations
-            if len(search.archive.F):
-                session.keep_found(self._front(session, type(error).__name__), error)
-            raise
-        if limit.late:
-            status = "time limit"
-            if not search.generation:
-                text = f"nothing was found within {limit.seconds:g} s; {limit.late} took longer than that"
-                raise SolverFailed(f"time_limit: {text}")
-        front = self._front(session, session.signal or status)
-        if len(front):
-            return front
-        failure = hopeless.failure
-        if failure is None:
-            failure, session.nearest = infeasible_search(search)
-        if session.signal is None:
-            raise failure
-        raise Interrupted from failure
 
     def _front(self, session: Session, status: str) -> Front:
         """Return the front of the search so far."""
@@ -417,25 +420,6 @@ def infeasible_search(search: Search | Islands) -> tuple[Infeasible, LeastViolat
     return failure, LeastViolating(
         broken=violation_words(search.problem, nearest.G[0]), reason=str(failure), point=point
     )
-
-
-def _endings(search: Search | Islands, settings: Any) -> list[Ending]:
-    endings: list[Ending] = [Generations(settings.generations)]
-    if settings.time_limit is not None:
-        limit = TimeLimit(settings.time_limit)
-        endings.append(replace(limit, seconds=OPTIONS.search_time * limit.seconds) if settings.refine else limit)
-    if settings.evaluations is not None:
-        endings.append(Evaluations(settings.evaluations))
-    if settings.target is not None:
-        values = real_array("target", settings.target)
-        if values.shape != (len(search.names),):
-            raise InvalidInput(
-                f"target must be {len(search.names)} numbers, one per objective, got {shown(settings.target)}"
-            )
-        endings.append(Target(tuple(np.where(search.maximised, -values, values).tolist())))
-    if settings.stagnation:
-        endings.append(Stagnation(since=settings.anchors * search.problem.n_obj))
-    return endings
 
 
 # The points of each generation that a recording marks, and their motions if there is time.

@@ -65,21 +65,12 @@ app = typer.Typer(
     "5 stopped by a limit and 130 or 143 interrupted, with the result kept, 6 interrupted before there was one, "
     "7 a verification that fails.",
 )
-app.command("list")(list_problems)
-app.command()(solve)
-app.command()(plan)
-app.command()(front)
-app.command()(refine)
-app.command()(resume)
-app.command()(select)
-app.command()(navigate)
-app.command()(show)
-app.command()(export)
-app.command()(report)
-app.command()(compare)
-app.command()(verify)
-app.command()(warmup)
-app.command("check-robot")(check_robot)
+COMMANDS = (
+    *(list_problems, solve, plan, front, refine, resume, select, navigate, show, export, report, compare, verify),
+    *(warmup, check_robot),
+)  # in the order of the help
+for command in COMMANDS:
+    app.command({list_problems: "list", check_robot: "check-robot"}.get(command))(command)
 
 
 def main() -> None:

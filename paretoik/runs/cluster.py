@@ -98,12 +98,6 @@ class Computed(NamedTuple):
     origin: Origin
 
 
-class Refused(NamedTuple):
-    """Reason why a worker does not compute: it has other versions."""
-
-    reason: str
-
-
 class _Local(threading.local):
     """The objects that the tasks of a thread share.
 
@@ -125,11 +119,11 @@ def itself(shared: bytes) -> bytes:
     return shared
 
 
-def run_task(shared: bytes, task: Task) -> Computed | Refused:
-    """Return the replies to the items of a task."""
+def run_task(shared: bytes, task: Task) -> Computed | str:
+    """Return the replies to the items of a task, or why this worker does not compute: it has other versions."""
     for name, number in task.software.items():
         if (here := software().get(name, "none")) != number:
-            return Refused(reason=f"{name} must be {number}, got {here}")
+            return f"{name} must be {number}, got {here}"
     become_worker()
     _keep_memory()
     if _LOCAL.key != task.key:
@@ -382,7 +376,12 @@ class _Round:
                 ended.append(self.ended.get(timeout=self.options.interval))
                 while True:
                     ended.append(self.ended.get_nowait())
-            results = self._gather(ended)
+            # Results of finished tasks are fetched together to save round trips; if that fails, one by one.
+            finished, results = [future for future in ended if future.status == "finished"], dict[Any, Any]()
+            with suppress(Exception):
+                fetch = partial(self.cluster.client.gather, finished, asynchronous=True)
+                if len(finished) > 1:
+                    results = dict(zip(finished, self.cluster.wait_for(fetch, self.patience), strict=False))
             for future in ended:
                 if self.late is None:
                     yield from self._received(future, results)
@@ -418,15 +417,6 @@ class _Round:
         self.running[future] = places
         future.add_done_callback(self.ended.put)
 
-    def _gather(self, futures: Sequence[Any]) -> dict[Any, Any]:
-        """Return the results of finished tasks, fetched together to save round trips. Empty if the fetch fails."""
-        finished = [future for future in futures if future.status == "finished"]
-        fetch = partial(self.cluster.client.gather, finished, asynchronous=True)
-        with suppress(Exception):  # if this fails, each result is fetched separately
-            results = self.cluster.wait_for(fetch, self.patience) if len(finished) > 1 else ()
-            return dict(zip(finished, results, strict=False))
-        return {}
-
     def _received(self, future: Any, results: Mapping[Any, Any]) -> Iterator[tuple[int, Reply]]:
         """Yield the replies of an ended task; without any, requeue its items."""
         try:
@@ -436,8 +426,8 @@ class _Round:
             return
         self.patience = 5 * self.options.interval
         del self.running[future]
-        if isinstance(result, Refused):
-            raise InvalidInput(f"cluster: on every worker {result.reason}")
+        if isinstance(result, str):
+            raise InvalidInput(f"cluster: on every worker {result}")
         self.cluster.origins.add(result.origin)
         if result.origin.processor != processor():
             self.cluster.tell("workers have another make of processor: the run is reproducible only within a tolerance")

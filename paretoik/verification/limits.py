@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from paretoik.inputs import first_line
 from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.measured_motion import MeasuredMotion, nearest_pair
 from paretoik.verification.objectives import form_value
-from paretoik.verification.run_contents import Worst, first_line
+from paretoik.verification.run_contents import Worst
 
 LIMITED = {  # by kind: bounded attribute of a motion, unit for rotational joints, unit for prismatic joints
     "position": ("q", "rad", "m"),

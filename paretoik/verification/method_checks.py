@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import interp1d
 
+from paretoik.inputs import first_line
 from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.measured_motion import MeasuredMotion, measure
 from paretoik.verification.motion_checks import check_limits, check_path, least_clearance
 from paretoik.verification.objectives import objective_size, objective_value
 from paretoik.verification.path_targets import frame_errors, tracking_errors
-from paretoik.verification.run_contents import Check, RunContents, Worst, demand, first_line, judge, leave_out
+from paretoik.verification.run_contents import Check, RunContents, Worst, demand, judge, leave_out
 from paretoik.verification.tolerances import TOLERANCES
 
 # Tuned methods: each point has one stored motion, which gives bounds for the values in the table.

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from paretoik.errors import InvalidRun
+from paretoik.inputs import first_line
 from paretoik.runs.files import MOTIONS, OPTIMA, RUN, TABLE, digest, read_arrays, read_plain_file, read_run, read_table
 from paretoik.tables import html_representation
 
@@ -161,11 +162,6 @@ def demand(subject: str, holds: object, detail: str, *, point: int | None = None
 def leave_out(subject: str, reason: str, *, point: int | None = None) -> Check:
     """Return the row of a check that was not made, and why."""
     return Check(subject=subject, point=point, verdict="not checked", detail=reason)
-
-
-def first_line(fault: Exception) -> str:
-    """Return the first line of an error's text, else its type."""
-    return (str(fault).splitlines() or [type(fault).__name__])[0]
 
 
 def _by_subject(rows: Sequence[Check]) -> list[list[Check]]:

@@ -21,6 +21,7 @@ from paretoik.formulations.protocol import Timeline, is_loop
 from paretoik.front.choice import Choice, Prediction
 from paretoik.front.choice_tree import chosen
 from paretoik.front.front import Front
+from paretoik.inputs import first_line
 from paretoik.review.drawing.layout import (
     Entry,
     Legend,
@@ -72,8 +73,7 @@ class RecordedRun:
                 (self.store,) = self._reader.recordings()
                 origins = {each: self._values(each, ORIGIN) for each in self._reader.blueprints()}
         except (OSError, RuntimeError, ValueError, RerunWarning) as fault:
-            cause = (str(fault).splitlines() or [type(fault).__name__])[0]
-            raise InvalidInput(f"{file}: must be a recording of a run, got {cause}") from fault
+            raise InvalidInput(f"{file}: must be a recording of a run, got {first_line(fault)}") from fault
         roots = {each: {origin.strip("/").split("/")[0] for origin in shown} for each, shown in origins.items()}
         self._layout = next((each for each, names in roots.items() if names.isdisjoint(ROOTS)), None)
 

@@ -224,7 +224,20 @@ class LoopDrawing:
         for each in self._searches:
             times_of_motion = {name: time for name, time in self._times(each.step.sample).items() if name != "step"}
             each.log(stream, times_of_motion)
-        self._layout.log(stream)
+        motions, opening = self._motions, self._opening
+        Layout(
+            legend=Legend(entries=search_entries(self.scene, motions, chosen="chosen")),
+            front=self._scatter.view(),
+            charts=[chart.view() for chart in self._charts],
+            texts=[text_view("step")],
+            note=self.note,
+            timeline="step",
+            start=None if opening is None else opening.number,
+            end=self.messages[-1].number if self.messages else 0,
+            name="loop",
+            further=[each.view() for each in self._searches],
+            **motion_views(motions),
+        ).log(stream)
 
     def _times(self, step: int) -> dict[str, float]:
         """Return the time of a step, and its end [s] on the timeline of the motion, if there is one."""
@@ -274,20 +287,3 @@ class LoopDrawing:
     @cached_property
     def _charts(self) -> list[Chart]:
         return search_charts(self.scene, self.messages)
-
-    @property
-    def _layout(self) -> Layout:
-        motions, opening = self._motions, self._opening
-        return Layout(
-            legend=Legend(entries=search_entries(self.scene, motions, chosen="chosen")),
-            front=self._scatter.view(),
-            charts=[chart.view() for chart in self._charts],
-            texts=[text_view("step")],
-            note=self.note,
-            timeline="step",
-            start=None if opening is None else opening.number,
-            end=self.messages[-1].number if self.messages else 0,
-            name="loop",
-            further=[each.view() for each in self._searches],
-            **motion_views(motions),
-        )

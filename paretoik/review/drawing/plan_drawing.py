@@ -399,7 +399,21 @@ class PlanDrawing:
             if motions is not None:
                 motions.log_whole(stream, self._bests[place])
         if self.end is not None:  # the optima, which are shown at the end of all timelines
-            self._log_end(stream, self.end)
+            last, count, nearest = self.messages[-1:], len(self._panel.starts), self.end.least_violating
+            set_times(stream, **self._end_times(last[0].number + 1 if last else 0))
+            self._panel.log_until(stream, count, ended=True)
+            if nearest is None:
+                words = plan_end_text(self.scene, self.end, self._lasts[0] if self._lasts else 0, count)
+            else:
+                units, cell = (self.scene.unit,), self.scene.workcell
+                words = infeasible_text((self.scene.name,), units, nearest, cell, "No feasible motion")
+            log_text(stream, words)
+            if self.end.optima:
+                values = [float(each.point.objectives[0]) for each in self.end.optima]
+                stream.log("search/optima", rr.AnyValues(objective=values))
+            self._log_cursors(stream, float(len(self.messages) - 1))
+            if motions is not None:
+                motions.log_whole(stream, self._best)
         if motions is not None:
             self._log_motions(stream, motions)
         self._layout.log(stream)
@@ -407,22 +421,6 @@ class PlanDrawing:
     def _log_cursors(self, stream: rr.RecordingStream, instant: float) -> None:
         for chart in self._charts:
             chart.log_cursor(stream, instant)
-
-    def _log_end(self, stream: rr.RecordingStream, end: PlanEnd) -> None:
-        set_times(stream, **self._end_times(self.messages[-1].number + 1 if self.messages else 0))
-        count, scene, nearest = len(self._panel.starts), self.scene, end.least_violating
-        self._panel.log_until(stream, count, ended=True)
-        if nearest is None:
-            words = plan_end_text(scene, end, self._lasts[0] if self._lasts else 0, count)
-        else:
-            words = infeasible_text((scene.name,), (scene.unit,), nearest, scene.workcell, "No feasible motion")
-        log_text(stream, words)
-        if end.optima:
-            values = [float(each.point.objectives[0]) for each in end.optima]
-            stream.log("search/optima", rr.AnyValues(objective=values))
-        self._log_cursors(stream, float(len(self.messages) - 1))
-        if self._motions is not None:
-            self._motions.log_whole(stream, self._best)
 
     def _end_times(self, level: int) -> dict[str, float]:
         """Return a level's time that is also the end of ``replay`` and the beginning of ``motion`` and ``optimum``."""

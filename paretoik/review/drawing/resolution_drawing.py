@@ -115,7 +115,28 @@ class ResolutionDrawing:
         for number, traces in enumerate(self.end.motions[1:], start=1):
             set_times(stream, solution=number)
             self._log_whole(stream, traces, [traces.point])
-        self._layout.log(stream)
+        motions, first = self._motions, self.end.motions[0].name
+        named: list[Entry] = [(each.name, SCREEN.end(axis)) for axis, each in enumerate(self._thin_motions)]
+        arm = f"arm of {first}, or of the motion looked at" if named else "arm"
+        entries: list[Entry] = [
+            *([(first, SCREEN.arm), *named] if named else []),
+            ("step damped, shortened, held, limited or missed", SCREEN.event),
+            ("error at which the path counts as lost: dashed", SCREEN.limit),
+            *motions.entries(arm),
+        ]
+        recorded, count = len(self.end.motions), self.end.count
+        words = f"{recorded} of {count} motions are shown." if recorded < count else ""
+        Layout(
+            legend=Legend(entries=entries),
+            front=self._all_charts[0].view(),
+            charts=[chart.view() for chart in self._all_charts[1:]],
+            texts=[text_view("method")],
+            timeline="motion",
+            name=self.scene.method,
+            frames=DRAWING.slow_frames,
+            note=" ".join(filter(None, (self.note, words))),
+            **motion_views(motions),
+        ).log(stream)
 
     def _log_whole(self, stream: rr.RecordingStream, traces: RecordedTraces, points: Sequence[RecordedPoint]) -> None:
         """Draw a motion as the chosen one at the current time, with its own text and criteria."""
@@ -194,31 +215,6 @@ class ResolutionDrawing:
     @property
     def _all_charts(self) -> list[Chart]:
         return self._charts if self._criteria_chart is None else [*self._charts, self._criteria_chart]
-
-    @property
-    def _layout(self) -> Layout:
-        motions, first = self._motions, self.end.motions[0].name
-        named: list[Entry] = [(each.name, SCREEN.end(axis)) for axis, each in enumerate(self._thin_motions)]
-        arm = f"arm of {first}, or of the motion looked at" if named else "arm"
-        entries: list[Entry] = [
-            *([(first, SCREEN.arm), *named] if named else []),
-            ("step damped, shortened, held, limited or missed", SCREEN.event),
-            ("error at which the path counts as lost: dashed", SCREEN.limit),
-            *motions.entries(arm),
-        ]
-        recorded, count = len(self.end.motions), self.end.count
-        words = f"{recorded} of {count} motions are shown." if recorded < count else ""
-        return Layout(
-            legend=Legend(entries=entries),
-            front=self._all_charts[0].view(),
-            charts=[chart.view() for chart in self._all_charts[1:]],
-            texts=[text_view("method")],
-            timeline="motion",
-            name=self.scene.method,
-            frames=DRAWING.slow_frames,
-            note=" ".join(filter(None, (self.note, words))),
-            **motion_views(motions),
-        )
 
 
 def _logarithm(errors: np.ndarray) -> np.ndarray:

@@ -367,25 +367,20 @@ def comparison_picture(comparison: Comparison, file: Path | str) -> None:
                 for front, style in zip(fronts, styles, strict=True):
                     x, y = front.objectives[:, [i, j]].T
                     axes.plot(x, y, linestyle="none", markersize=4, markeredgewidth=0, alpha=0.75, **style)
-                if n_obj == 2:
-                    _draw_attainment(axes, comparison)
+                # The surfaces that one, half and all runs of a label attain: borders of the dominated region.
+                sign, every = np.where(first.maximised, -1.0, 1.0), np.concatenate([each.objectives for each in fronts])
+                window = np.array([np.ptp(each) * 0.06 for each in every.T])
+                edges = np.concatenate([each.minimised for each in fronts]).max(axis=0) + window
+                for name in comparison.runs if n_obj == 2 else ():
+                    style = {"color": PAPER.accent(order.index(name)), "linewidth": 1.1, "zorder": 1}
+                    for (words, surface), line in zip(comparison.surfaces(name).items(), (":", "-", "--"), strict=True):
+                        points = (surface * sign)[np.argsort((surface * sign)[:, 0], kind="stable")]
+                        x = np.repeat([*points[:, 0], edges[0]], 2)[:-1]
+                        y = np.repeat([edges[1], *points[:, 1]], 2)[1:]
+                        said = f"{name}: {words} attainment"
+                        axes.plot(x * sign[0], y * sign[1], label=said, linestyle=line, **style)
                 axes.set(xlabel=label(first, i), ylabel=label(first, j))
                 axes.locator_params(nbins=5)
                 axes.margins(0.06)
         handles, names = figure.axes[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
-
-
-def _draw_attainment(axes: Axes, comparison: Comparison) -> None:
-    """Draw the surfaces that one, half and all runs of a label attain: borders of the dominated region."""
-    fronts = comparison.fronts
-    window = np.array([np.ptp(each) * 0.06 for each in np.concatenate([front.objectives for front in fronts]).T])
-    ends = np.concatenate([front.minimised for front in fronts]).max(axis=0) + window
-    sign = np.where(fronts[0].maximised, -1.0, 1.0)
-    for name in comparison.runs:
-        colour = PAPER.accent(list(comparison.groups).index(name))
-        for (words, surface), line in zip(comparison.surfaces(name).items(), (":", "-", "--"), strict=True):
-            points = (surface * sign)[np.argsort((surface * sign)[:, 0], kind="stable")]
-            x, y = np.repeat([*points[:, 0], ends[0]], 2)[:-1], np.repeat([ends[1], *points[:, 1]], 2)[1:]
-            style: Any = {"linestyle": line, "color": colour, "linewidth": 1.1, "zorder": 1}
-            axes.plot(x * sign[0], y * sign[1], label=f"{name}: {words} attainment", **style)
