@@ -104,9 +104,6 @@ def _stopped(status: str, usual: str) -> str:
 # Summaries of fronts and choices: text and entries.
 
 
-LINE = 100  # characters per line of running text
-
-
 def result_text(front: Front, out: Path) -> str:
     """Return a summary of a result, and the commands that resume the run, choose a point and replay it."""
     provenance, lines = front.provenance, [status_text(front)]
@@ -150,7 +147,7 @@ def choice_text(front: Front, choice: Choice) -> str:
         (f"  {name}", f"{value:.6g} {unit}")
         for name, unit, value in zip(front.names, front.units, choice.objectives, strict=True)
     ]
-    lines = [f"point {choice.id}", columns(rows), textwrap.fill(choice.reason, LINE)]
+    lines = [f"point {choice.id}", columns(rows), textwrap.fill(choice.reason, 100)]
     if front.certificates is not None:
         lines.append(certificate_text(front.certificates[[choice.index]]))
     lines += filter(None, [describe_limits_between(front, [choice.index])])

@@ -17,7 +17,6 @@ from typer.core import TyperGroup
 
 from paretoik.cli.choices import navigate, select
 from paretoik.cli.console import (
-    NO_RESULT,
     ClusterAddress,
     JsonFlag,
     Live,
@@ -34,6 +33,7 @@ from paretoik.cli.console import (
     TimeLimit,
     Workers,
     agreed_problem,
+    exit_code,
     finish_front,
     finish_plan,
     print_error,
@@ -418,7 +418,7 @@ class Commands(TyperGroup):
             if isinstance(end, SystemExit) and end.code != 128 + SIGTERM:
                 raise
             print_error("interrupted before there was a whole result", end)
-            sys.exit(NO_RESULT)
+            sys.exit(exit_code("no result"))
 
 
 @contextmanager

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from paretoik.cli.console import (
-    NOT_VERIFIED,
     JsonFlag,
     QuietFlag,
     RunFolder,
     RunProblem,
     agreed_problem,
+    exit_code,
     print_json,
     print_text,
     running,
@@ -297,4 +297,4 @@ def verify(run: RunFolder, problem: RunProblem = None, quiet: QuietFlag = False,
         print_json({"run": run, **words, "rows": rows})
     else:
         print_text(verification)
-    raise typer.Exit(0 if verification.passed else NOT_VERIFIED)
+    raise typer.Exit(exit_code("verified" if verification.passed else "not verified"))

@@ -355,7 +355,11 @@ class StepScene:
             for objectives, front in zip(self.step.objectives, self.step.fronts, strict=True)
         ]
         entries = drawn_entries(
-            ("population", SCREEN.population, any(map(self._scatter.shows_any, behind))),
+            (
+                "population",
+                SCREEN.population,
+                any(panel.shows(F).any() for F in behind for panel in self._scatter.panels),
+            ),
             ("front of the generation", SCREEN.front, True),
             ("chosen by the weights, or the individual looked at", SCREEN.chosen, True),
             ("its arm", SCREEN.arm, True),

@@ -93,17 +93,6 @@ def name_place(
     return freest_place(places_between(half, size - half, NAMES.grid), half, mark, taken, NAMES.gap)[0]
 
 
-def draw_obstacles(axes: Axes, motion: Any) -> None:
-    """Draw the obstacles of a single `motion`; in space, unbounded ones have the arm's height."""
-    if motion.arm.is_planar:
-        for line in obstacle_lines(motion.obstacles, None):
-            axes.fill(*line.T, facecolor=PAPER.quiet, alpha=0.5, linewidth=0.0)
-        return
-    height = (min(0.0, float(motion.links[..., 2].min())), float(motion.links[..., 2].max()))
-    for wire in obstacle_lines(motion.obstacles, height):
-        axes.plot(*wire.T, color=PAPER.quiet, linewidth=0.6, alpha=0.8)
-
-
 # Pictures of a front and its motions.
 
 
@@ -219,8 +208,14 @@ def draw_jumps(axes: Axes, front: Front) -> None:
 
 def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> None:
     """Draw a single `motion`: its obstacles, some postures, later ones darker, and its tool path."""
-    draw_obstacles(axes, motion)
     size = 2 if motion.arm.is_planar else 3
+    if size == 2:
+        for line in obstacle_lines(motion.obstacles, None):
+            axes.fill(*line.T, facecolor=PAPER.quiet, alpha=0.5, linewidth=0.0)
+    else:  # unbounded obstacles have the arm's height
+        height = (min(0.0, float(motion.links[..., 2].min())), float(motion.links[..., 2].max()))
+        for wire in obstacle_lines(motion.obstacles, height):
+            axes.plot(*wire.T, color=PAPER.quiet, linewidth=0.6, alpha=0.8)
     links, tool = motion.links[..., :size], motion.tool[..., :size]
     picked = even_rows(len(links), PAPER.postures)
     for place, sample in enumerate(picked):
