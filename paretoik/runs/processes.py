@@ -57,7 +57,15 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     become_worker()
     connection, received = Connection(int(sys.argv[1])), SimpleQueue[bytes]()
-    Thread(target=_receive, args=(connection, received), daemon=True).start()
+
+    def receive() -> None:  # immediately, so that the parent never waits to send
+        try:
+            while True:
+                received.put(connection.recv_bytes())
+        except (EOFError, OSError):  # the parent has ended
+            os._exit(0)
+
+    Thread(target=receive, daemon=True).start()
     shared: Any = None
     while True:
         work: Work = Work(*cloudpickle.loads(received.get()))
@@ -71,15 +79,6 @@ def main() -> None:
         _send(connection, STARTED, None)
         for place, item in work.items:
             _send(connection, place, compute(function, shared, item))
-
-
-def _receive(connection: Connection, received: SimpleQueue[bytes]) -> None:
-    """Receive messages immediately; end this process when the parent has ended. The parent then never waits to send."""
-    try:
-        while True:
-            received.put(connection.recv_bytes())
-    except (EOFError, OSError):
-        os._exit(0)
 
 
 def _send(connection: Connection, place: int, reply: Done | Raised | None) -> None:

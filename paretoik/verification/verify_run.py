@@ -232,12 +232,22 @@ def _check_objectives(
         subject = f"objective {objective.name}"
         if not alone and problem.judged_by != "worst":
             continue
+        function, expected = objective.function, np.nan
+        of_method = getattr(function, "__module__", None) == MEASURES
         try:
-            expected = _value(objective, motion, errors)
+            if not of_method:
+                expected = objective_value(objective, motion)
+            elif function.__name__ == "distance":
+                # the joint distance from another motion, RMS over time, angles modulo whole turns
+                difference = motion.q[0] - np.asarray(inspect.getclosurevars(function).nonlocals["reference"].q)
+                turns = np.where(motion.arm.periodic, np.round(difference / (2 * np.pi)), 0.0)
+                expected = float(np.sqrt(((difference - 2 * np.pi * turns) ** 2).sum(axis=1).mean()))
+            elif function.__name__ in DEFINITIONS:
+                expected = DEFINITIONS[function.__name__](motion, errors)
         except Exception as fault:  # a user's function may raise anything
             yield leave_out(subject, f"its function fails here: {first_line(fault)}", point=point)
             continue
-        if expected is None:
+        if of_method and function.__name__ not in ("distance", *DEFINITIONS):
             yield leave_out(subject, "it counts what the method did, which is not in the files", point=point)
             continue
         size = objective_size(entry, expected)
@@ -248,20 +258,6 @@ def _check_objectives(
         else:
             detail = f"{text}, the worst of {problem.judged_starts}; one of them alone has {expected:.10g}"
             yield judge(subject, max(better, 0.0) / size, TOLERANCES.values, detail, point=point)
-
-
-def _value(objective: Any, motion: MeasuredMotion, errors: np.ndarray) -> float | None:
-    """Return an objective of a stored motion, None if only the method knows it."""
-    function = objective.function
-    if getattr(function, "__module__", None) != MEASURES:
-        return objective_value(objective, motion)
-    if function.__name__ == "distance":
-        # the joint distance from another motion, RMS over time, angles modulo whole turns
-        difference = motion.q[0] - np.asarray(inspect.getclosurevars(function).nonlocals["reference"].q)
-        turns = np.where(motion.arm.periodic, np.round(difference / (2 * np.pi)), 0.0)
-        return float(np.sqrt(((difference - 2 * np.pi * turns) ** 2).sum(axis=1).mean()))
-    definition = DEFINITIONS.get(function.__name__)
-    return None if definition is None else definition(motion, errors)
 
 
 DEFINITIONS: dict[str, Callable[[MeasuredMotion, np.ndarray], float]] = {
