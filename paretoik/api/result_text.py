@@ -121,8 +121,8 @@ def result_text(front: Front, out: Path) -> str:
     else:
         rows = [("objective", "unit", "best", "worst on the front")]
         for name, unit, more, values in zip(front.names, front.units, front.maximised, front.objectives.T, strict=True):
-            ends = (values.max(), values.min()) if more else (values.min(), values.max())
-            rows.append((name, unit, *(f"{end:.6g}" for end in ends)))
+            best, worst = (values.max(), values.min()) if more else (values.min(), values.max())
+            rows.append((name, unit, f"{best:.6g}", f"{worst:.6g}"))
         lines.append(columns(rows))
         if front.certificates is not None:
             lines.append(certificate_text(front.certificates))

@@ -132,11 +132,11 @@ class ResolutionDrawing:
         for number, traces in enumerate(self.end.motions[1:], start=1):
             set_times(stream, solution=number)
             self._log_whole(stream, traces, [traces.point])
-        motions, first = self._motions, self.end.motions[0].name
+        motions, name = self._motions, self.end.motions[0].name
         named: list[Entry] = [(each.name, SCREEN.end(axis)) for axis, each in enumerate(self._thin_motions)]
-        arm = f"arm of {first}, or of the motion looked at" if named else "arm"
+        arm = f"arm of {name}, or of the motion looked at" if named else "arm"
         entries: list[Entry] = [
-            *([(first, SCREEN.arm), *named] if named else []),
+            *([(name, SCREEN.arm), *named] if named else []),
             ("step damped, shortened, held, limited or missed", SCREEN.event),
             ("error at which the path counts as lost: dashed", SCREEN.limit),
             *motions.entries(arm),
