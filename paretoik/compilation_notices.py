@@ -11,8 +11,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
-SILENT = 1.0  # s: compilations with shorter estimates are not announced
-
 
 @dataclass(frozen=True, kw_only=True)
 class CompilationNotice:
@@ -73,7 +71,7 @@ def begin_compilation(notice: CompilationNotice | None = None) -> None:
     seconds, since = _TIME[0]
     if since is None:
         _TIME[0] = seconds, time.monotonic()
-    if notice is not None and (notice.seconds or 0.0) >= SILENT:
+    if notice is not None and (notice.seconds or 0.0) >= 1.0:  # s: shorter ones are not announced
         announce(notice)
 
 

@@ -30,9 +30,6 @@ from paretoik.errors import EvaluationFailed, InvalidInput, ParetoikError, warn_
 # Calls of users' functions: they may raise any error, which becomes one line with the function's name.
 
 
-ROUNDING = 1e-6  # relative difference tolerated between two computations of a value, as in another batch
-
-
 @dataclass(frozen=True, kw_only=True)
 class CallLimitOptions:
     """Times and counts by which calls of users' functions are ended."""
@@ -160,14 +157,20 @@ def cause_of(error: BaseException, where: str = "") -> str:
     return f"{kind}: {text}" if text else kind
 
 
+def first_line(fault: BaseException) -> str:
+    """Return the first line of an error's text, else its type."""
+    return (str(fault).splitlines() or [type(fault).__name__])[0]
+
+
 def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Objectives) -> None:
     """Warn of objectives that are constant, random, or duplicates.
 
     ``values`` are in the user's own sign. ``again`` are values for the first arguments, computed a second time.
     """
+    rounding = 1e-6  # relative difference tolerated between two computations of a value, as in another batch
     for place, (name, column, repeated) in enumerate(zip(names, values.T, again.T, strict=True)):
         first = column[: len(repeated)]
-        differ = ~np.isclose(first, repeated, rtol=ROUNDING, atol=0, equal_nan=True)
+        differ = ~np.isclose(first, repeated, rtol=rounding, atol=0, equal_nan=True)
         finite = column[np.isfinite(column)]
         whole = np.isfinite(values).all(axis=1)
         if differ.any():
@@ -176,7 +179,7 @@ def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Obje
         elif len(finite) > 1 and np.ptp(finite) == 0:
             text = f"must vary, got {finite[0]:.6g} for each of the first {len(finite)}: it may be constant"
         elif whole.sum() > 1:
-            same = np.isclose(values[whole, :place], column[whole, None], rtol=ROUNDING, atol=0).all(axis=0)
+            same = np.isclose(values[whole, :place], column[whole, None], rtol=rounding, atol=0).all(axis=0)
             if not same.any():
                 continue
             text = f"must have other values than {names[int(same.argmax())]}, got the same for each of the first "

@@ -12,12 +12,11 @@ from paretoik.api.session import RunRequest, open_session
 from paretoik.capability.actuation import Actuation
 from paretoik.capability.directional import PerformancePolygon, directional_query, performance_polygon
 from paretoik.capability.joint_capability import Quantity
-from paretoik.front.storage import array_bytes
 from paretoik.inputs import check_flag
 from paretoik.progress import Observer
 from paretoik.review.recording.messages import MaximaScene, maxima_end, workcell_of
 from paretoik.robot.arm import Arm
-from paretoik.runs.files import DRAWING, POLYGON, write_result
+from paretoik.runs.files import DRAWING, POLYGON, array_bytes, write_result
 
 HOLDS = f"directional maxima, their arrays in {POLYGON}"
 # Arrays of `polygon.npz`, next to joint_names (dof,), by their names in the polygon.

@@ -17,7 +17,6 @@ from paretoik.search.genes import checked_genes
 from paretoik.task.motion import Motion
 
 INITIAL = key_of("initial")  # key of the initial solutions in the journal of a run
-MISSED = 1e-6  # deviation of genes from a motion that a warning names [rad, m]
 
 
 def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes | None:
@@ -36,7 +35,7 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes
     if not isinstance(initial, Motion):
         raise InvalidInput(f"initial must be genes, motions or a front, got {type(initial).__name__}")
     genes, deviation = ProblemParts(problem).encode(initial)
-    inexact = deviation > MISSED
+    inexact = deviation > 1e-6  # rad or m: a smaller deviation is not worth a warning
     if inexact.any():
         warn_user(
             f"initial: {inexact.sum()} of {len(genes)} motions start approximately; the genes miss them by up to "

@@ -13,10 +13,9 @@ import numpy as np
 from paretoik.api.session import RunRequest, open_session
 from paretoik.capability.geodesic import FastestPath, PathQuery
 from paretoik.capability.time_optimal import TimeOptimalRun
-from paretoik.front.storage import array_bytes
 from paretoik.progress import Observer
 from paretoik.review.recording.messages import PathEnd, PathScene
-from paretoik.runs.files import DRAWING, TOOL_PATH, write_result
+from paretoik.runs.files import DRAWING, TOOL_PATH, array_bytes, write_result
 
 HOLDS = f"a tool path, its arrays in {TOOL_PATH}"
 Result = TypeVar("Result", FastestPath, TimeOptimalRun)

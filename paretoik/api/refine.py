@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.api.session import RunRequest, Session, computing, open_session, surroundings
-from paretoik.arrays import Objectives, Points
+from paretoik.arrays import Objectives
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import ProblemParts, at_samples_of, require_program
 from paretoik.front import hypervolume as indicators
@@ -208,7 +208,17 @@ def resolve_front(refined: RefinedFront, certifier: Certifier, before: Front | N
             assert observe is not None
             return observe(replace(progress, summary=", ".join(filter(None, (samples, progress.summary)))))
 
-        x, ranges = _curves_at_samples(front, before, problem), ranges_of(front.minimised)
+        motions: Any = front.motions
+        x, ranges = motions.at(problem.task.times), ranges_of(front.minimised)
+        if before is not None and before.motions is not None:  # the curve before, if it is better on these samples
+            _, rows, rows_before = np.intersect1d(front.ids, before.ids, return_indices=True)
+            curves = problem.curve_points(before.motions[rows_before])
+            on_path = np.isfinite(curves).all(axis=(1, 2))
+            rows, curves = rows[on_path], curves[on_path]
+            now, former = (evaluate_points(problem.program(), each) for each in (x[rows], curves))
+            rise = (now.objectives - former.objectives)[:, : len(front.names)] / ranges
+            better = (former.violation <= FEASIBLE) & (rise > CERTIFIED.tolerance).any(axis=1)
+            x[rows[better]] = curves[better]
         shown = None if observe is None else show
         finer = refined_front(
             Certifier(formulation=problem, solver=certifier.solver, observe=shown),
@@ -227,23 +237,3 @@ def resolve_front(refined: RefinedFront, certifier: Certifier, before: Front | N
         return (inexact / ranges_of(coarse.front.minimised)).max(axis=1)
 
     return on_more_samples(refined, errors, refine)
-
-
-def _curves_at_samples(front: Front, before: Front | None, problem: Any) -> Points:
-    """Return a front's curves as points of a problem on more samples.
-
-    If a curve is worse on these samples than the curve with the same id on the front ``before``, the latter replaces
-    it. Raises Infeasible if a curve of the front leaves the path.
-    """
-    motions: Any = front.motions
-    x: Points = motions.at(problem.task.times)
-    if before is not None and before.motions is not None:
-        _, rows, rows_before = np.intersect1d(front.ids, before.ids, return_indices=True)
-        curves = problem.curve_points(before.motions[rows_before])
-        on_path = np.isfinite(curves).all(axis=(1, 2))
-        rows, curves = rows[on_path], curves[on_path]
-        now, former = (evaluate_points(problem.program(), each) for each in (x[rows], curves))
-        rise = (now.objectives - former.objectives)[:, : len(front.names)] / ranges_of(front.minimised)
-        better = (former.violation <= FEASIBLE) & (rise > CERTIFIED.tolerance).any(axis=1)
-        x[rows[better]] = curves[better]
-    return x

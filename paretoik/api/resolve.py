@@ -14,7 +14,6 @@ import numpy as np
 from paretoik.api.result import motion_bytes
 from paretoik.api.session import RunRequest, Session, open_session
 from paretoik.errors import Infeasible
-from paretoik.front.storage import array_bytes
 from paretoik.inputs import check_flag
 from paretoik.progress import Observer
 from paretoik.resolution.protocol import TRACKING_TOLERANCE, Criterion, Method, ResolvedMotion
@@ -22,7 +21,7 @@ from paretoik.resolution.resolve import Resolution, Unreachable, resolution_of
 from paretoik.resolution.resolve import resolve as resolve_motion
 from paretoik.review.recording.messages import ResolutionEnd, ResolvedScene, record_traces, workcell_of
 from paretoik.robot.arm import Arm
-from paretoik.runs.files import DRAWING, MOTIONS, TRACES, write_result
+from paretoik.runs.files import DRAWING, MOTIONS, TRACES, array_bytes, write_result
 from paretoik.task.limits import Limits
 from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle

@@ -13,7 +13,6 @@ motion in the format of `motions.npz`.
 from __future__ import annotations
 
 import hashlib
-import io
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,8 @@ from paretoik.api.result_text import optima_entries
 from paretoik.errors import Infeasible, InvalidRun
 from paretoik.formulations.protocol import broken_words, task_of
 from paretoik.front.points import StoredJoints, StoredMotions
-from paretoik.front.storage import array_bytes, motion_arrays, read_motions, read_verified
+from paretoik.front.storage import motion_arrays, read_motions, read_verified
+from paretoik.inputs import first_line
 from paretoik.review.recording.messages import LeastViolating, PlannedScene, RecordedPoint, record_motion
 from paretoik.review.recording.recorder import SearchedFront
 from paretoik.robot.arm import Arm
@@ -33,10 +33,12 @@ from paretoik.runs.files import (
     NEAREST,
     OPTIMA,
     RUN,
+    array_bytes,
     check_digest,
     is_run,
     read_run,
     read_table,
+    table_bytes,
     unfinished_note,
     write_result,
 )
@@ -112,7 +114,6 @@ NUMBERS, TEXTS = ("violation_between", "criticality", "discretisation_error"), (
 def save_plan(plan: Plan, folder: Path, *, name: str, unit: str, maximised: bool) -> None:
     """Write a plan into a folder: all of its files or none."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     entries = {
         **plan.provenance,
@@ -125,9 +126,8 @@ def save_plan(plan: Plan, folder: Path, *, name: str, unit: str, maximised: bool
     units = {name: unit, "discretisation_error": unit}
     schema = pa.schema([field.with_metadata({"unit": units.get(field.name, "")}) for field in _optima_schema(name)])
     rows = [{**entry, name: entry["objective"]} for entry in optima_entries(plan)]
-    table = io.BytesIO()
-    pq.write_table(pa.table({key: [row[key] for row in rows] for key in schema.names}, schema=schema), table)
-    write_result(folder, entries, {OPTIMA: table.getvalue(), MOTIONS: motions})
+    table = pa.table({key: [row[key] for row in rows] for key in schema.names}, schema=schema)
+    write_result(folder, entries, {OPTIMA: table_bytes(table), MOTIONS: motions})
 
 
 def _optima_schema(name: str) -> Any:
@@ -175,8 +175,8 @@ def _read_optima(file: Path, digest: object, name: str) -> dict[str, list[Any]]:
                 table = table.append_column(key, pa.array(np.full(len(table), np.nan)))
         columns = {kind.name: table.column(kind.name).cast(kind.type).to_pylist() for kind in kinds}
     except Exception as fault:  # any error of the parser is a fault of the file
-        cause = (str(fault).splitlines() or [type(fault).__name__])[0]
-        raise InvalidRun(f"{file} must have the columns {', '.join(kinds.names)}, got {cause}") from fault
+        wish = f"{file} must have the columns {', '.join(kinds.names)}"
+        raise InvalidRun(f"{wish}, got {first_line(fault)}") from fault
     if not columns["id"] or any(None in values for values in columns.values()):
         raise InvalidRun(f"{file} must have optima with all entries, got none or missing entries")
     return {"objective" if key == name else key: values for key, values in columns.items()}

@@ -104,56 +104,41 @@ def _stopped(status: str, usual: str) -> str:
 # Summaries of fronts and choices: text and entries.
 
 
-LINE = 100  # characters per line of running text
-
-
 def result_text(front: Front, out: Path) -> str:
     """Return a summary of a result, and the commands that resume the run, choose a point and replay it."""
-    lines = _loop_lines(front) if is_loop(front) else _front_lines(front)
-    if (command := resume_command(out, front.provenance["status"])) is not None:
+    provenance, lines = front.provenance, [status_text(front)]
+    if is_loop(front):
+        error, drift = provenance["position_error"], provenance["drift"]
+        lines.append(f"position error {error:.6g} m (mean over the steps), drift {drift:.6g} rad")
+        rows = [("objective", "unit", "weight", "mean over the steps")]
+        weights = provenance["settings"]["weights"]
+        for name, unit, value in zip(front.names, front.units, front.objectives[0], strict=True):
+            rows.append((name, unit, f"{weights[name]:.3g}", f"{value:.6g}"))
+        lines.append(columns(rows))
+        assert front.violation is not None
+        if front.violation[0] > 0:
+            lines.append(f"limits of the arm are violated by {100 * front.violation[0]:.3g} % of their range")
+    else:
+        rows = [("objective", "unit", "best", "worst on the front")]
+        for name, unit, more, values in zip(front.names, front.units, front.maximised, front.objectives.T, strict=True):
+            best, worst = (values.max(), values.min()) if more else (values.min(), values.max())
+            rows.append((name, unit, f"{best:.6g}", f"{worst:.6g}"))
+        lines.append(columns(rows))
+        if front.certificates is not None:
+            lines.append(certificate_text(front.certificates))
+        lines += filter(None, [confirmation_text(provenance), gap_text(front), describe_limits_between(front)])
+        counts = provenance["counts"]
+        if counts.get("failed"):
+            lines.append(f"{counts['failed']} evaluations failed, the first with: {counts['first_cause']}")
+    if (command := resume_command(out, provenance["status"])) is not None:
         lines.append(f"go on:   {command}")
-    named = problem_words(front.provenance.get("problem"))
-    weights = ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)
+    named = problem_words(provenance.get("problem"))
+    equal = ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)
     fits = not any(sign in name for name in front.names for sign in ",=")
-    preference = ["--weights", weights] if fits else ["--compromise"]
+    preference = ["--weights", equal] if fits else ["--compromise"]
     lines.append(f"choose:  {shell_command('paretoik', 'select', out, *preference, *named)}")
     lines.append(f"replay:  {shell_command('paretoik', 'show', out, *named)}")
     return "\n".join(lines)
-
-
-def _loop_lines(front: Front) -> list[str]:
-    provenance = front.provenance
-    weights = provenance["settings"]["weights"]
-    lines = [
-        status_text(front),
-        f"position error {provenance['position_error']:.6g} m (mean over the steps), "
-        f"drift {provenance['drift']:.6g} rad",
-    ]
-    rows = [("objective", "unit", "weight", "mean over the steps")]
-    for name, unit, value in zip(front.names, front.units, front.objectives[0], strict=True):
-        rows.append((name, unit, f"{weights[name]:.3g}", f"{value:.6g}"))
-    lines.append(columns(rows))
-    assert front.violation is not None
-    if front.violation[0] > 0:
-        lines.append(f"limits of the arm are violated by {100 * front.violation[0]:.3g} % of their range")
-    return lines
-
-
-def _front_lines(front: Front) -> list[str]:
-    counts, lines = front.provenance["counts"], [status_text(front)]
-    rows = [("objective", "unit", "best", "worst on the front")]
-    for name, unit, maximised, values in zip(
-        front.names, front.units, front.maximised, front.objectives.T, strict=True
-    ):
-        best, worst = (values.max(), values.min()) if maximised else (values.min(), values.max())
-        rows.append((name, unit, f"{best:.6g}", f"{worst:.6g}"))
-    lines.append(columns(rows))
-    if front.certificates is not None:
-        lines.append(certificate_text(front.certificates))
-    lines += filter(None, [confirmation_text(front.provenance), gap_text(front), describe_limits_between(front)])
-    if counts.get("failed"):
-        lines.append(f"{counts['failed']} evaluations failed, the first with: {counts['first_cause']}")
-    return lines
 
 
 def choice_text(front: Front, choice: Choice) -> str:
@@ -162,7 +147,7 @@ def choice_text(front: Front, choice: Choice) -> str:
         (f"  {name}", f"{value:.6g} {unit}")
         for name, unit, value in zip(front.names, front.units, choice.objectives, strict=True)
     ]
-    lines = [f"point {choice.id}", columns(rows), textwrap.fill(choice.reason, LINE)]
+    lines = [f"point {choice.id}", columns(rows), textwrap.fill(choice.reason, 100)]
     if front.certificates is not None:
         lines.append(certificate_text(front.certificates[[choice.index]]))
     lines += filter(None, [describe_limits_between(front, [choice.index])])

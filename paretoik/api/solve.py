@@ -11,14 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.follow_loop import LoopRun
 from paretoik.api.initial import genes_and_points, remembered_initial
 from paretoik.api.refine import refine_front
 from paretoik.api.session import RunRequest, Session, SolveSettings, computing, open_session, surroundings
 from paretoik.arrays import Genes
+from paretoik.closed_loop.loop import StepRecord, choose, nondominated_rows
+from paretoik.closed_loop.step_evolution import Generations as StepGenerations
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import Infeasible, InvalidInput, SolverFailed
-from paretoik.formulations.control_step import read_steps
+from paretoik.formulations.closed_loop import ClosedLoop, ClosedLoopRun, explain_choice
+from paretoik.formulations.control_step import check_steps, read_steps
 from paretoik.formulations.protocol import ProblemParts, explain_violation, require_program, timeline, violation_words
 from paretoik.front.front import Front
 from paretoik.front.hypervolume import HypervolumeCurve
@@ -29,9 +31,10 @@ from paretoik.nlp.program import Solver
 from paretoik.pareto.refine import SearchImprover
 from paretoik.pareto.refined_front import Completion, merge_front
 from paretoik.progress import Observer, RunProgress, is_due
-from paretoik.review.recording.messages import LeastViolating, RecordedPoint, record_motion
-from paretoik.review.recording.recorder import Generation
-from paretoik.runs.files import STOPPED
+from paretoik.review.recording.messages import LeastViolating, RecordedPoint, record_motion, workcell_of
+from paretoik.review.recording.recorder import Generation, SearchedFront, SearchedStep, SearchEnd
+from paretoik.runs.file_replacement import replace_file
+from paretoik.runs.files import PICTURE, SEARCHES, STEPS, STOPPED, array_bytes, table_bytes
 from paretoik.runs.interruption import TimeLimit as CallTimeLimit
 from paretoik.runs.interruption import limited_evaluations
 from paretoik.search.ask_tell import Search
@@ -225,9 +228,8 @@ class FrontSearch:
     def __init__(self, problem: Any, settings: SolveSettings) -> None:
         check_sizes(problem)
         if read_steps(settings.record_steps):
-            raise InvalidInput(
-                f"record_steps must come with a ClosedLoop, whose steps are searches, got {type(problem).__name__}"
-            )
+            kind = type(problem).__name__
+            raise InvalidInput(f"record_steps must come with a ClosedLoop, whose steps are searches, got {kind}")
         if settings.refine:
             with computing(settings.time_limit):  # users' functions are traced
                 check_solver(require_program("refine", problem).program(), settings.solver)
@@ -253,28 +255,68 @@ class FrontSearch:
             anchors=given.anchors,
         )
         self.improver = SearchImprover(self.search, problem, given.solver) if given.refine else None
-        self.endings = _endings(self.search, given)
+        self.endings: list[Ending] = [Generations(given.generations)]
+        if given.time_limit is not None:
+            limit = TimeLimit(given.time_limit)
+            refined = replace(limit, seconds=OPTIONS.search_time * limit.seconds) if given.refine else limit
+            self.endings.append(refined)
+        if given.evaluations is not None:
+            self.endings.append(Evaluations(given.evaluations))
+        target = given.target
+        if target is not None:
+            values = real_array("target", target)
+            if values.shape != (problem.n_obj,):
+                wish = f"target must be {problem.n_obj} numbers, one per objective"
+                raise InvalidInput(f"{wish}, got {shown(target)}")
+            self.endings.append(Target(tuple(np.where(self.search.maximised, -values, values).tolist())))
+        if given.stagnation:
+            self.endings.append(Stagnation(since=given.anchors * problem.n_obj))
         self._motions, self._hypervolume = GenerationMotions(self.search), HypervolumeCurve()
-        target = given.target  # an infinite number is text in strict JSON
-        stored = {
-            "initial": given.initial is not None,
-            "algorithm": None if given.algorithm is None else type(given.algorithm).__name__,
-            "target": None if target is None else [float(each) if np.isfinite(each) else str(each) for each in target],
-        }
+        # In strict JSON an infinite number is text.
+        wished = None if target is None else [float(each) if np.isfinite(each) else str(each) for each in target]
+        kind = None if given.algorithm is None else type(given.algorithm).__name__
+        stored = {"initial": given.initial is not None, "algorithm": kind, "target": wished}
         names = [each.name for each in fields(given) if each.name not in NOT_STORED]
         self.settings = {name: getattr(given, name) for name in names} | stored
 
     def run(self, session: Session) -> Front:
         """Return the saved and drawn front, refined unless a signal came."""
         session.continues, started, given = True, computing_clock(), self._given
-        front = self._evolve(session)
-        status = front.provenance["status"]
+        search = self.search
+        hopeless = _SignalOrHopeless(session, self.problem, looks=self._initial["genes"] is None)
+        remembered_initial(**self._initial)
+        session.record_search(search, "generation")
+        endings = [*self.endings, hopeless]
+        seconds = min((each.seconds for each in endings if isinstance(each, TimeLimit)), default=None)
+        limit, observe = CallTimeLimit(seconds=seconds), partial(self._show, session)
+        try:
+            with limit.limiting_calls():
+                timeout = given.evaluation_timeout
+                status = evolve(search, endings, seconds=timeout, observe=observe, improve=self.improver)
+        except Exception as error:  # a user's function or observer may fail after many generations
+            if len(search.archive.F):
+                session.keep_found(self._front(session, type(error).__name__), error)
+            raise
+        if limit.late:
+            status = "time limit"
+            if not search.generation:
+                text = f"nothing was found within {limit.seconds:g} s; {limit.late} took longer than that"
+                raise SolverFailed(f"time_limit: {text}")
+        status = session.signal or status
+        front = self._front(session, status)
+        if not len(front):
+            failure = hopeless.failure
+            if failure is None:
+                failure, session.nearest = infeasible_search(search)
+            if session.signal is None:
+                raise failure
+            raise Interrupted from failure
         if given.refine and (status == "time limit" or status not in STOPPED):
             session.save_draft(front)  # refinement takes long, and the search must not be lost
             completion = Completion(
                 points=len(front) if given.points is None else given.points,
                 seed=self.settings["seed"],
-                first_id=max(self.search.evaluations, int(front.ids.max()) + 1),
+                first_id=max(search.evaluations, int(front.ids.max()) + 1),
             )
             spent = computing_clock() - started
             remaining = None if given.time_limit is None else max(given.time_limit - spent, 1e-3)
@@ -286,43 +328,6 @@ class FrontSearch:
             front = replace(front, provenance={**front.provenance, **ending})
         session.finish_front(front)
         return front
-
-    def _evolve(self, session: Session) -> Front:
-        """Return the front of the search, not refined."""
-        search = self.search
-        hopeless = _SignalOrHopeless(session, self.problem, looks=self._initial["genes"] is None)
-        remembered_initial(**self._initial)
-        session.record_search(search, "generation")
-        endings = [*self.endings, hopeless]
-        seconds = min((each.seconds for each in endings if isinstance(each, TimeLimit)), default=None)
-        limit = CallTimeLimit(seconds=seconds)
-        try:
-            with limit.limiting_calls():
-                status = evolve(
-                    search,
-                    endings,
-                    seconds=self._given.evaluation_timeout,
-                    observe=partial(self._show, session),
-                    improve=self.improver,
-                )
-        except Exception as error:  # a user's function or observer may fail after many generations
-            if len(search.archive.F):
-                session.keep_found(self._front(session, type(error).__name__), error)
-            raise
-        if limit.late:
-            status = "time limit"
-            if not search.generation:
-                text = f"nothing was found within {limit.seconds:g} s; {limit.late} took longer than that"
-                raise SolverFailed(f"time_limit: {text}")
-        front = self._front(session, session.signal or status)
-        if len(front):
-            return front
-        failure = hopeless.failure
-        if failure is None:
-            failure, session.nearest = infeasible_search(search)
-        if session.signal is None:
-            raise failure
-        raise Interrupted from failure
 
     def _front(self, session: Session, status: str) -> Front:
         """Return the front of the search so far."""
@@ -414,28 +419,8 @@ def infeasible_search(search: Search | Islands) -> tuple[Infeasible, LeastViolat
     objectives = nearest.F[0] * np.where(search.maximised, -1.0, 1.0)
     motion = record_motion(failure.motion, curves=True)
     point = RecordedPoint(id=int(nearest.ids[0]), objectives=objectives, motion=motion)
-    return failure, LeastViolating(
-        broken=violation_words(search.problem, nearest.G[0]), reason=str(failure), point=point
-    )
-
-
-def _endings(search: Search | Islands, settings: Any) -> list[Ending]:
-    endings: list[Ending] = [Generations(settings.generations)]
-    if settings.time_limit is not None:
-        limit = TimeLimit(settings.time_limit)
-        endings.append(replace(limit, seconds=OPTIONS.search_time * limit.seconds) if settings.refine else limit)
-    if settings.evaluations is not None:
-        endings.append(Evaluations(settings.evaluations))
-    if settings.target is not None:
-        values = real_array("target", settings.target)
-        if values.shape != (len(search.names),):
-            raise InvalidInput(
-                f"target must be {len(search.names)} numbers, one per objective, got {shown(settings.target)}"
-            )
-        endings.append(Target(tuple(np.where(search.maximised, -values, values).tolist())))
-    if settings.stagnation:
-        endings.append(Stagnation(since=settings.anchors * search.problem.n_obj))
-    return endings
+    broken = violation_words(search.problem, nearest.G[0])
+    return failure, LeastViolating(broken=broken, reason=str(failure), point=point)
 
 
 # The points of each generation that a recording marks, and their motions if there is time.
@@ -447,10 +432,8 @@ class GenerationMotions:
     def __init__(self, search: Search | Islands) -> None:
         self._search = search
         self._shown: list[int] = []  # ids whose motions were decoded last
-        self._decoded = 0
-        self._next = 0
+        self._decoded, self._next, self._moves = 0, 0, True
         self._spent, self._started = 0.0, time.monotonic()
-        self._moves = True
 
     def points(self, progress: Progress) -> tuple[RecordedPoint, ...]:
         """Return the best points and the compromise, with motions if they changed and time allows."""
@@ -480,3 +463,134 @@ class GenerationMotions:
         self._shown, self._decoded = ids, self._decoded + 1
         self._next = progress.generation + 2 ** (self._decoded // OPTIONS.dense)
         return points
+
+
+# A closed loop, followed step by step; its motion is saved as a front of one point.
+
+
+SEARCH_SETTINGS = (
+    *("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver"),
+    *("islands", "workers", "cluster", "evaluation_timeout"),
+)  # settings that a closed loop does not have
+
+
+class LoopRun:
+    """The run of a closed loop, whose front has one point.
+
+    The point is the motion, with the mean of each objective over the steps.
+
+    If a signal or the time limit ends the run early, the motion has the steps so far. Raises InvalidInput, naming the
+    setting, for a setting of a search.
+    """
+
+    def __init__(self, problem: ClosedLoop, settings: SolveSettings) -> None:
+        for name in SEARCH_SETTINGS:
+            value, default = getattr(settings, name), getattr(SolveSettings, name)
+            if value is not default and not (isinstance(value, str | int | np.integer) and value == default):
+                raise InvalidInput(
+                    f"{name} must be used with a search for a front, got a closed loop, which is followed step by step"
+                )
+        self.problem = problem.changed(
+            population=settings.population, generations=settings.generations, seed=settings.seed
+        )
+        self.time_limit = settings.time_limit
+        self.record_steps = sorted(check_steps(settings.record_steps, len(self.problem.task.times) - 1))
+        kept = {name: getattr(self.problem, name) for name in ("population", "generations", "seed", "warm_start")}
+        others = {"time_limit": settings.time_limit, "record_steps": self.record_steps}
+        self.settings = {"weights": self.problem.named_weights, **kept, **others}
+
+    def run(self, session: Session) -> Front:
+        """Follow the loop; return, save and draw a front of one point."""
+        loop = self.problem
+        steps = len(loop.task.times) - 1
+        session.show(RunProgress(stage="beginning"))  # the search for a start may take a while
+        loop.prepare()
+        units, maximised = zip(*((each.unit, each.maximise) for each in loop.objectives), strict=True)
+        senses: Any = {"units": units, "maximised": maximised}
+        session.start_recording(SearchedFront(names=loop.names, timeline="step", workcell=workcell_of(loop), **senses))
+        started = computing_clock()
+
+        def show(step: StepRecord) -> None:
+            F = step.front.F * loop.signs
+            drawn: Any = {"population": F[:0], "front": F, "front_ids": np.arange(len(F)), "chosen": F[step.index]}
+            generation = Generation(number=step.sample, **drawn)
+            seconds = computing_clock() - started
+            progress = RunProgress(stage="step", done=step.sample, total=steps, seconds=seconds)
+            session.show(replace(progress, summary=f"front {len(F)}", generation=generation))
+
+        def is_over() -> bool:
+            late = self.time_limit is not None and computing_clock() - started >= self.time_limit
+            return late or session.signal is not None
+
+        run = loop.run(record_steps=self.record_steps, observe=show, should_stop=is_over)
+        status, done = "end of the path", len(run.q) - 1
+        if done < steps:
+            status = session.signal or "time limit"
+        front = run.front(session.ended(status, steps=done, of=steps))
+        ranges = run.ranges * loop.signs[:, None]  # best and worst values in the user's own sign
+
+        def end() -> SearchEnd:
+            assert session.folder is not None
+            recorded = [(one.sample, one.generations) for one in run.fronts.values() if one.generations is not None]
+            searched = [_searched_step(run, sample, generations) for sample, generations in recorded]
+            _save_steps(run, ranges, searched, session.folder)
+            return SearchEnd(front=None, choice=explain_choice(front), searched=searched)
+
+        def draw(folder: Path) -> None:
+            from paretoik.review.pictures.motions import loop_picture  # here: matplotlib loads slowly
+
+            loop_picture(run.motion, run.values, ranges, front, folder / PICTURE)
+
+        session.finish(front, partial(front.save, overwrite=True), status=status, end=end, draw=draw)
+        return front
+
+
+def _searched_step(run: ClosedLoopRun, sample: int, generations: StepGenerations) -> SearchedStep:
+    """Return the search of a step, with each generation's front and choice, in the user's own sign."""
+    loop, fronts = run.loop, [nondominated_rows(F) for F in generations.F]
+    pairs = zip(generations.F, fronts, strict=True)
+    chosen = [front[choose(F[front], loop.weights)] if len(front) else -1 for F, front in pairs]
+    position = loop.task.tasks[0].path.positions[sample]
+    return SearchedStep(
+        sample=sample,
+        arm=loop.task.arm,
+        objectives=generations.F * loop.signs,
+        q=generations.q,
+        fronts=fronts,
+        chosen=np.array(chosen),
+        target=np.pad(position, (0, 3 - len(position))),
+    )
+
+
+def _save_steps(run: ClosedLoopRun, ranges: np.ndarray, searched: Sequence[SearchedStep], folder: Path) -> None:
+    """Write a table of the steps, and the recorded searches as plain arrays, all in the user's own sign.
+
+    `steps.parquet` has one row per step: sample, time, and per objective the chosen, best and worst value on the front.
+    `searches.npz`, one row per recorded step: ``steps`` (steps,), ``names`` and ``units`` (n_obj,), ``objectives``
+    (steps, generations, individuals, n_obj), ``q`` (steps, generations, individuals, dof), ``on_front`` (steps,
+    generations, individuals), and ``chosen`` (steps, generations): index of an individual, −1 if all failed.
+    """
+    import pyarrow as pa
+
+    samples = np.arange(1, len(run.q))
+    columns: dict[str, np.ndarray] = {"sample": samples, "time": run.task.times[samples]}
+    for axis, name in enumerate(run.loop.names):
+        columns[f"chosen {name}"] = run.values[:, axis]
+        columns[f"best {name}"], columns[f"worst {name}"] = ranges[:, axis].T
+    replace_file(folder / STEPS, table_bytes(pa.table(columns)))
+    if not searched:
+        return
+    on_front = np.zeros((len(searched), *searched[0].q.shape[:2]), dtype=bool)
+    for i, each in enumerate(searched):
+        for number, front in enumerate(each.fronts):
+            on_front[i, number, front] = True
+    arrays = {
+        "steps": np.array([each.sample for each in searched]),
+        "names": np.array(run.loop.names, dtype=np.str_),
+        "units": np.array([each.unit for each in run.loop.objectives], dtype=np.str_),
+        "objectives": np.array([each.objectives for each in searched]),
+        "q": np.array([each.q for each in searched]),
+        "on_front": on_front,
+        "chosen": np.array([each.chosen for each in searched]),
+    }
+    replace_file(folder / SEARCHES, array_bytes(arrays))

@@ -112,13 +112,14 @@ def _plain_letters(error: UnicodeError) -> tuple[str, int]:
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 QuietFlag = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.")]
-NO_RESULT = 6  # exit code of a command interrupted before there was a result
-NOT_VERIFIED = 7  # exit code of a verification that fails
-EXIT_CODES = {"time limit": 5, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143}  # by the status of a stopped run
+EXIT_CODES = {  # by the status of a stopped run, or by what a command did not reach
+    **{"time limit": 5, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143},
+    **{"no result": 6, "not verified": 7},
+}
 
 
 def exit_code(status: object) -> int:
-    """Return the exit code of a run with a result."""
+    """Return the exit code of a run with a result, or of a command."""
     return EXIT_CODES.get(str(status), 0)
 
 

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from paretoik.cli.console import (
-    NOT_VERIFIED,
     JsonFlag,
     QuietFlag,
     RunFolder,
     RunProblem,
     agreed_problem,
+    exit_code,
     print_json,
     print_text,
     running,
@@ -50,6 +50,7 @@ def show(
 
     It opens on the present choice of the run (paretoik select), or else on the search.
     """
+    from paretoik.front.choice_tree import read_choices
     from paretoik.review.recording.viewer import run_viewer
 
     recording = run / RECORDING
@@ -59,7 +60,22 @@ def show(
         fact = "none; solve with --out to make one" if holds is None else f"a run that holds {holds}{picture}"
         raise InvalidInput(f"{recording} must be a recording, got {fact if run.is_dir() else missing_file(recording)}")
     with tempfile.TemporaryDirectory(prefix="paretoik-show-") as folder:
-        file = _with_choice(run, recording, Path(folder) / RECORDING, point, compare, problem)
+        file = recording
+        if point is not None or compare is not None or read_choices(run).chosen is not None:  # open on a point
+            from paretoik.api.load import load_front
+            from paretoik.formulations.protocol import is_loop
+            from paretoik.front.choice_tree import pick_point
+            from paretoik.front.preferences.compromise import compromise
+            from paretoik.review.drawing.choice_layer import recording_with_choice
+
+            front = load_front(run, agreed_problem(run, problem))
+            if not is_loop(front):
+                choice = pick_point(front, point, name="--point", otherwise=compromise)
+                compared, file = None if compare is None else front[compare], Path(folder) / RECORDING
+                file.write_bytes(recording_with_choice(front, choice, recording=recording, compare=compared))
+            elif point is not None or compare is not None:
+                wish = "point must come with a run that has a front"
+                raise InvalidInput(f"{wish}, got a closed loop, whose only motion is shown")
         viewer = run_viewer(str(file.absolute()))  # until the viewer is closed; without a screen it fails
     if viewer.returncode != 0:
         # The last line ends with the cause.
@@ -69,33 +85,6 @@ def show(
             f"{recording} must open in the Rerun viewer, got {message!r}; without a screen, copy the file to a machine "
             f"that has one, or run: {command}"
         )
-
-
-def _with_choice(
-    run: Path, recording: Path, file: Path, point: int | None, compare: int | None, problem: str | None
-) -> Path:
-    """Return a recording that opens on a point: written to ``file``, or without a point the run's own."""
-    from paretoik.front.choice_tree import read_choices
-
-    if point is None and compare is None and read_choices(run).chosen is None:
-        return recording
-    from paretoik.api.load import load_front
-    from paretoik.formulations.protocol import is_loop
-    from paretoik.front.choice_tree import pick_point
-    from paretoik.front.preferences.compromise import compromise
-    from paretoik.review.drawing.choice_layer import recording_with_choice
-
-    front = load_front(run, agreed_problem(run, problem))
-    if is_loop(front):
-        if point is not None or compare is not None:
-            raise InvalidInput(
-                "point must come with a run that has a front, got a closed loop, whose only motion is shown"
-            )
-        return recording
-    choice = pick_point(front, point, name="--point", otherwise=compromise)
-    compared = None if compare is None else front[compare]
-    file.write_bytes(recording_with_choice(front, choice, recording=recording, compare=compared))
-    return file
 
 
 # ``paretoik export``: hand a motion of a run to a robot.
@@ -308,4 +297,4 @@ def verify(run: RunFolder, problem: RunProblem = None, quiet: QuietFlag = False,
         print_json({"run": run, **words, "rows": rows})
     else:
         print_text(verification)
-    raise typer.Exit(0 if verification.passed else NOT_VERIFIED)
+    raise typer.Exit(exit_code("verified" if verification.passed else "not verified"))

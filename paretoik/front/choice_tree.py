@@ -32,7 +32,6 @@ ENTRY_TYPES = {
     "reason": str,
     "time": str,
 }
-LONGEST_TEXT = 300  # most characters of a preference's text, as a user's preference may have a text of any length
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,7 +226,7 @@ def present_id(front: FrontData, *, name: str) -> int:
 def preference_data(preference: Preference) -> dict[str, Any]:
     """Return a preference as data: type, text and, if paretoik's own, its parameters."""
     kind = type(preference)
-    data = {"type": kind.__name__, "text": repr(preference)[:LONGEST_TEXT]}
+    data = {"type": kind.__name__, "text": repr(preference)[:300]}  # a user's preference may have a text of any length
     if not kind.__module__.startswith("paretoik."):
         return data
     values = {name: getattr(preference, name) for name in getattr(kind, "__dataclass_fields__", ())}

@@ -46,9 +46,6 @@ COMPARED = ("problem", "fingerprint", "settings", "versions", "computed", "statu
 KEPT = ("problem", "fingerprint", "versions")  # entries that the merged front takes from the first front
 Pairs = Float[np.ndarray, "fronts fronts"]
 ATTAINABLE = (2, 3)  # numbers of objectives for which surfaces are computed
-# Reference point of hypervolumes in every share of the ranges; it is more than 1, so that the ends of fronts count and
-# no front's own worst point sets the scale (Ishibuchi et al. 2018).
-REFERENCE = 1.1
 
 
 def flatten(entries: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
@@ -135,7 +132,9 @@ class Comparison:
         The reference point is 1.1 in every share. Values are exact up to four objectives, estimates for more; see
         ``estimate_hypervolume``.
         """
-        reference = np.full(len(self.fronts[0].names), REFERENCE)
+        # The reference point is more than 1 in every share, so that the ends of fronts count and no front's own worst
+        # point sets the scale (Ishibuchi et al. 2018).
+        reference = np.full(len(self.fronts[0].names), 1.1)
         merged = np.concatenate([shares[rows] for shares, rows in zip(self.shares, self.merged_rows, strict=True)])
         volumes = [
             estimate_hypervolume(shares, reference, np.ones_like(reference)) for shares in (*self.shares, merged)

@@ -215,7 +215,6 @@ def check_ranges(values: np.ndarray, objectives: Objectives) -> Ranges:
 PARTS = ("genes", "motions", "violation", "certificates")  # optional parts of a front
 MotionBuilder = Callable[[np.ndarray, np.ndarray, tuple[str, ...]], JointMotions]
 T = TypeVar("T")
-Front = TypeVar("Front", bound="FrontData")  # the subclass ``front.Front`` in signatures that users see
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -402,6 +401,9 @@ def largest_id(front: FrontData) -> int:
     """
     moves = (int(move["to"]) for move in front.provenance.get(NAVIGATIONS, ()))
     return max([int(front.ids.max(initial=-1)), int(front.provenance.get(LARGEST_ID, -1)), *moves])
+
+
+Front = TypeVar("Front", bound=FrontData)  # the subclass ``front.Front`` in signatures that users see
 
 
 def take(front: Front, rows: Int[np.ndarray, " rows"]) -> Front:

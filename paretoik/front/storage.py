@@ -10,8 +10,7 @@ weights (points, n_obj), exchange_rates (points, n_obj, n_obj) and exchange_inte
 from __future__ import annotations
 
 import hashlib
-import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -21,12 +20,14 @@ import numpy as np
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.certificates import Certificates
 from paretoik.front.points import Front, FrontData, JointMotions, MotionBuilder, StoredJoints, StoredMotions, attach
+from paretoik.inputs import first_line
 from paretoik.runs.file_replacement import only_writer, replace_files, without_writers
 from paretoik.runs.files import (
     CHOICES,
     MOTIONS,
     RUN,
     TABLE,
+    array_bytes,
     check_digest,
     is_run,
     read_arrays,
@@ -35,6 +36,7 @@ from paretoik.runs.files import (
     read_table,
     result_files,
     run_bytes,
+    table_bytes,
     unfinished_note,
 )
 
@@ -78,6 +80,8 @@ def save(front: FrontData, folder: Path, *, overwrite: bool = False) -> None:
 
 def front_files(front: FrontData) -> dict[str, bytes]:
     """Return the contents of a front's files by name; raises InvalidInput as ``save`` does for its provenance."""
+    import pyarrow as pa
+
     clashes = [name for name in RESERVED_ENTRIES if name in front.provenance]
     if clashes:
         raise InvalidInput(f"front provenance must not have any of {', '.join(RESERVED_ENTRIES)}, got {clashes[0]!r}")
@@ -92,9 +96,24 @@ def front_files(front: FrontData) -> dict[str, bytes]:
         arrays["genes"] = front.genes
     if front.motions is not None:
         arrays |= motion_arrays(front.motions)
-    if front.certificates is not None:
-        arrays |= {name: getattr(front.certificates, name) for name in (*CERTIFICATE_ARRAYS, *LATER_ARRAYS)}
-    files = {TABLE: _table_bytes(front)}
+    # One row per point; what is unknown is null.
+    missing, certificates = pa.nulls(len(front), pa.float64()), front.certificates
+    columns, units = {"id": pa.array(front.ids)}, dict(zip(front.names, front.units, strict=True))
+    columns |= {name: pa.array(values) for name, values in zip(front.names, front.objectives.T, strict=True)}
+    violation = certificates.violation if front.violation is None and certificates is not None else front.violation
+    columns["violation"] = missing if violation is None else pa.array(violation)
+    if certificates is None:
+        columns |= dict.fromkeys(CERTIFICATE_COLUMNS, missing)
+        columns |= dict.fromkeys(CERTIFICATE_TEXTS, pa.nulls(len(front), pa.string()))
+    else:
+        columns |= {name: pa.array(getattr(certificates, name)) for name in CERTIFICATE_COLUMNS}
+        columns |= {name: pa.array(getattr(certificates, name).tolist(), pa.string()) for name in CERTIFICATE_TEXTS}
+        errors = zip(front.names, certificates.discretisation_error.T, strict=True)
+        columns |= {ERROR_COLUMN.format(name): pa.array(values) for name, values in errors}
+        arrays |= {name: getattr(certificates, name) for name in (*CERTIFICATE_ARRAYS, *LATER_ARRAYS)}
+    units |= {ERROR_COLUMN.format(name): unit for name, unit in units.items()}
+    kinds = [pa.field(name, values.type, metadata={"unit": units.get(name, "")}) for name, values in columns.items()]
+    files = {TABLE: table_bytes(pa.table(columns, schema=pa.schema(kinds)))}
     if len(arrays) > 1:
         files[MOTIONS] = array_bytes(arrays)
     try:
@@ -154,44 +173,11 @@ def load(folder: Path, *, make: Callable[..., Front], build_motions: MotionBuild
     return attach(front, folder)
 
 
-def _table_bytes(front: FrontData) -> bytes:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    missing, certificates = pa.nulls(len(front), pa.float64()), front.certificates
-    columns, units = {"id": pa.array(front.ids)}, dict(zip(front.names, front.units, strict=True))
-    columns |= {name: pa.array(values) for name, values in zip(front.names, front.objectives.T, strict=True)}
-    violation = certificates.violation if front.violation is None and certificates is not None else front.violation
-    columns["violation"] = missing if violation is None else pa.array(violation)
-    if certificates is None:
-        columns |= dict.fromkeys(CERTIFICATE_COLUMNS, missing)
-        columns |= dict.fromkeys(CERTIFICATE_TEXTS, pa.nulls(len(front), pa.string()))
-    else:
-        columns |= {name: pa.array(getattr(certificates, name)) for name in CERTIFICATE_COLUMNS}
-        columns |= {name: pa.array(getattr(certificates, name).tolist(), pa.string()) for name in CERTIFICATE_TEXTS}
-        errors = zip(front.names, certificates.discretisation_error.T, strict=True)
-        columns |= {ERROR_COLUMN.format(name): pa.array(values) for name, values in errors}
-    units |= {ERROR_COLUMN.format(name): unit for name, unit in units.items()}
-    schema = pa.schema(
-        [pa.field(name, values.type, metadata={"unit": units.get(name, "")}) for name, values in columns.items()]
-    )
-    sink = io.BytesIO()
-    pq.write_table(pa.table(columns, schema=schema), sink)
-    return sink.getvalue()
-
-
 def motion_arrays(motions: JointMotions) -> dict[str, np.ndarray]:
     """Return motions as the arrays of `motions.npz`: joint_names (dof,), time (points, time), q (points, time, dof)."""
     q = np.asarray(motions.q, dtype=float)
     time = np.broadcast_to(np.asarray(motions.time, dtype=float), q.shape[:-1])
     return {"joint_names": np.array(motions.arm.joint_names, dtype=np.str_), "time": time, "q": q}
-
-
-def array_bytes(arrays: Mapping[str, np.ndarray]) -> bytes:
-    """Return arrays, by name, as the content of an NPZ without pickle."""
-    sink = io.BytesIO()
-    np.savez(sink, allow_pickle=False, **arrays)
-    return sink.getvalue()
 
 
 def _read_front_entries(file: Path) -> dict[str, Any]:
@@ -232,9 +218,8 @@ def _read_table(file: Path, content: bytes, names: list[str]) -> dict[str, Any]:
             texts = [name for name in CERTIFICATE_TEXTS if name in table.column_names]  # earlier runs had no reasons
             columns |= {name: np.array(table.column(name).to_pylist(), dtype=np.str_) for name in texts}
     except Exception as fault:  # any error of the parser is the file's fault
-        raise InvalidRun(
-            f"{file} must have columns id, {', '.join(names)} and violation, got {_line(fault)}"
-        ) from fault
+        wish = f"{file} must have columns id, {', '.join(names)} and violation"
+        raise InvalidRun(f"{wish}, got {first_line(fault)}") from fault
     return columns
 
 
@@ -243,7 +228,7 @@ def read_motions(file: Path, content: bytes, ids: np.ndarray) -> dict[str, np.nd
     try:
         arrays = read_arrays(content)
     except Exception as fault:  # any error of the parser is the file's fault
-        raise InvalidRun(f"{file} must be plain arrays, got {_line(fault)}") from fault
+        raise InvalidRun(f"{file} must be plain arrays, got {first_line(fault)}") from fault
     if "id" not in arrays or not np.array_equal(arrays["id"], ids):
         raise InvalidRun(f"{file} must have the ids of {TABLE}, got others")
     q, time, joints = (arrays.get(name, np.empty(0)) for name in ("q", "time", "joint_names"))
@@ -263,8 +248,3 @@ def read_verified(file: Path, expected: object) -> bytes:
     if hashlib.sha256(content).hexdigest() != expected:
         raise InvalidRun(f"{file} must be the file that {RUN} belongs to, got another or a damaged one")
     return content
-
-
-def _line(fault: Exception) -> str:
-    """Return the first line of an error."""
-    return (str(fault).splitlines() or [type(fault).__name__])[0]

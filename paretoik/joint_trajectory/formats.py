@@ -17,7 +17,7 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice
 from paretoik.joint_trajectory.trajectory import JointTrajectory
 from paretoik.runs.file_replacement import replace_file
-from paretoik.runs.files import check_target, to_json
+from paretoik.runs.files import array_bytes, check_target, table_bytes, to_json
 
 # Trajectories as tables and arrays: CSV, Parquet and NPZ, every number to the last bit.
 #
@@ -42,25 +42,16 @@ def csv_bytes(trajectory: JointTrajectory) -> bytes:
 def parquet_bytes(trajectory: JointTrajectory) -> bytes:
     """Return a Parquet table; its schema has the trajectory's metadata as JSON under ``paretoik``."""
     import pyarrow as pa
-    from pyarrow import parquet
 
     table = pa.table(columns(trajectory))
-    table = table.replace_schema_metadata({"paretoik": metadata_json(trajectory)})
-    sink = io.BytesIO()
-    parquet.write_table(table, sink)
-    return sink.getvalue()
+    return table_bytes(table.replace_schema_metadata({"paretoik": metadata_json(trajectory)}))
 
 
 def npz_bytes(trajectory: JointTrajectory) -> bytes:
     """Return an NPZ of ``joint_names``, ``time``, ``q``, ``dq``, ``ddq`` and ``metadata``, JSON; without pickle."""
-    names, metadata = (
-        np.array(trajectory.joint_names, dtype=np.str_),
-        np.array(metadata_json(trajectory), dtype=np.str_),
-    )
-    series = {name: getattr(trajectory, name) for name in ("time", "q", "dq", "ddq")}
-    sink = io.BytesIO()
-    np.savez(sink, allow_pickle=False, joint_names=names, **series, metadata=metadata)
-    return sink.getvalue()
+    arrays = {"joint_names": np.array(trajectory.joint_names, dtype=np.str_)}
+    arrays |= {name: getattr(trajectory, name) for name in ("time", "q", "dq", "ddq")}
+    return array_bytes(arrays | {"metadata": np.array(metadata_json(trajectory), dtype=np.str_)})
 
 
 def columns(trajectory: JointTrajectory) -> dict[str, np.ndarray]:

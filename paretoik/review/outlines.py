@@ -17,12 +17,12 @@ Point = Float[np.ndarray, " 2"]
 Places = Float[np.ndarray, "places 2"]
 Lines = Float[np.ndarray, "lines 2 2"]
 NO_LINES = np.zeros((0, 2, 2))
-SIDES = np.array([(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)], dtype=float)
 
 
 def places_beside(mark: Point, half: Point, distances: tuple[float, ...]) -> Places:
     """Return the middles of a label with half size ``half`` on all sides of its `mark`, the nearest first."""
-    return np.concatenate([mark + SIDES * (half + distance) for distance in distances])
+    sides = np.array([(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)], dtype=float)
+    return np.concatenate([mark + sides * (half + distance) for distance in distances])
 
 
 def places_between(low: Point, high: Point, count: int) -> Places:
@@ -90,7 +90,6 @@ def _side(tail: np.ndarray, tip: np.ndarray, point: np.ndarray) -> np.ndarray:
 Polyline = Float[np.ndarray, "_ axes"]
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 49) % (2.0 * np.pi)  # closed exactly
 RING = np.stack([np.cos(ANGLES), np.sin(ANGLES), np.zeros_like(ANGLES)], axis=1)
-
 EDGES = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]  # of a box, by its corners' signs
 
 

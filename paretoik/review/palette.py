@@ -17,11 +17,6 @@ def joint_units(arm: Arm, units: tuple[str, str]) -> str:
     return " or ".join(dict.fromkeys([turning] * bool((~sliding).any()) + [straight] * bool(sliding.any())))
 
 
-def has_masses(arm: Arm) -> bool:
-    """Return whether an arm has masses or inertias; without these its torques and powers are always 0."""
-    return any(body.mass > 0.0 or bool(np.any(body.inertia)) for body in arm.bodies)
-
-
 def is_sliding(arm: Arm) -> Bool[np.ndarray, " dof"]:
     """Return which joints slide."""
     return np.array([kind == "prismatic" for kind in arm.joint_types])

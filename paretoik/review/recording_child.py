@@ -32,10 +32,9 @@ import rerun.blueprint as rrb
 
 from paretoik.review.drawing.capability_drawing import MaximaDrawing, PathDrawing
 from paretoik.review.drawing.layout import RecordedLayout, stream_in_memory
-from paretoik.review.drawing.loop_drawing import LoopDrawing
 from paretoik.review.drawing.plan_drawing import PlanDrawing
-from paretoik.review.drawing.resolution_drawing import ResolutionDrawing
 from paretoik.review.drawing.search_drawing import FrontReduction, SearchDrawing
+from paretoik.review.drawing.step_drawing import LoopDrawing, ResolutionDrawing
 from paretoik.review.recording.messages import MaximaScene, PathScene, PlannedScene, ResolvedScene
 from paretoik.review.recording.recorder import (
     HEADER,

@@ -35,9 +35,6 @@ from paretoik.task.motion import Motion
 # Motions in a report: curves and arms in small blocks, one per point, as many as fit.
 
 
-STEPS = 65535  # steps of a channel's range: values are integers of 16 bits
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReportMotions:
     """Motions of a front for a page: ``channels`` (points, channels, time), and the scene around them.
@@ -81,7 +78,7 @@ class ReportMotions:
     @cached_property
     def _ranges(self) -> tuple[Float[np.ndarray, " channels"], Float[np.ndarray, " channels"]]:
         low, high = self.channels.min(axis=(0, 2)), self.channels.max(axis=(0, 2))
-        return low, np.where(high > low, high - low, 1.0) / STEPS
+        return low, np.where(high > low, high - low, 1.0) / 65535  # values are integers of 16 bits
 
     def block(self, row: int) -> str:
         """Return the channels of a point as text.

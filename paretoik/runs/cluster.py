@@ -98,12 +98,6 @@ class Computed(NamedTuple):
     origin: Origin
 
 
-class Refused(NamedTuple):
-    """Reason why a worker does not compute: it has other versions."""
-
-    reason: str
-
-
 class _Local(threading.local):
     """The objects that the tasks of a thread share.
 
@@ -125,11 +119,11 @@ def itself(shared: bytes) -> bytes:
     return shared
 
 
-def run_task(shared: bytes, task: Task) -> Computed | Refused:
-    """Return the replies to the items of a task."""
+def run_task(shared: bytes, task: Task) -> Computed | str:
+    """Return the replies to the items of a task, or why this worker does not compute: it has other versions."""
     for name, number in task.software.items():
         if (here := software().get(name, "none")) != number:
-            return Refused(reason=f"{name} must be {number}, got {here}")
+            return f"{name} must be {number}, got {here}"
     become_worker()
     _keep_memory()
     if _LOCAL.key != task.key:
@@ -376,13 +370,28 @@ class _Round:
             if STOP[0]:
                 raise Interrupted  # the scheduler drops futures that no client holds
             self.watch.look()
-            self._submit()
+            # Send tasks up to the limit, unless the scheduler is away; send suspects last, one by one.
+            ready, workers = self.cluster.client.status == "running", self.cluster.workers
+            if ready and self.owners != self.cluster.threads and (ready := self.cluster.spread()):
+                self.owners = self.cluster.threads
+            while ready and self.pending and len(self.running) < self.options.ahead * workers:
+                seconds = self.options.portion + self.options.overhead * workers
+                portion = int(seconds * self.answered / self.computed) if self.computed else 1
+                share = len(self.pending) // (self.options.shares * workers)
+                self._send([self.pending.popleft() for _ in range(max(1, min(portion, share)))])
+            if ready and self.suspects and not self.running:
+                self._send([self.suspects.popleft()])
             ended = list[Any]()  # stays empty if no task ends for a while
             with suppress(Empty):
                 ended.append(self.ended.get(timeout=self.options.interval))
                 while True:
                     ended.append(self.ended.get_nowait())
-            results = self._gather(ended)
+            # Results of finished tasks are fetched together to save round trips; if that fails, one by one.
+            finished, results = [future for future in ended if future.status == "finished"], dict[Any, Any]()
+            with suppress(Exception):
+                fetch = partial(self.cluster.client.gather, finished, asynchronous=True)
+                if len(finished) > 1:
+                    results = dict(zip(finished, self.cluster.wait_for(fetch, self.patience), strict=False))
             for future in ended:
                 if self.late is None:
                     yield from self._received(future, results)
@@ -391,22 +400,6 @@ class _Round:
             if self.late is not None:  # next time the other tasks come first
                 self.ended.put(self.late)
                 self.late = None
-
-    def _submit(self) -> None:
-        """Send tasks up to the limit; send suspects last, one by one."""
-        if self.cluster.client.status != "running":  # wait until the scheduler is back
-            return
-        if self.owners != self.cluster.threads:
-            if not self.cluster.spread():
-                return
-            self.owners = self.cluster.threads
-        while self.pending and len(self.running) < self.options.ahead * self.cluster.workers:
-            seconds = self.options.portion + self.options.overhead * self.cluster.workers
-            portion = int(seconds * self.answered / self.computed) if self.computed else 1
-            share = len(self.pending) // (self.options.shares * self.cluster.workers)
-            self._send([self.pending.popleft() for _ in range(max(1, min(portion, share)))])
-        if self.suspects and not self.running:
-            self._send([self.suspects.popleft()])
 
     def _send(self, places: list[int]) -> None:
         items = pickled("an item", [(place, self.items[place]) for place in places])
@@ -418,26 +411,33 @@ class _Round:
         self.running[future] = places
         future.add_done_callback(self.ended.put)
 
-    def _gather(self, futures: Sequence[Any]) -> dict[Any, Any]:
-        """Return the results of finished tasks, fetched together to save round trips. Empty if the fetch fails."""
-        finished = [future for future in futures if future.status == "finished"]
-        fetch = partial(self.cluster.client.gather, finished, asynchronous=True)
-        with suppress(Exception):  # if this fails, each result is fetched separately
-            results = self.cluster.wait_for(fetch, self.patience) if len(finished) > 1 else ()
-            return dict(zip(finished, results, strict=False))
-        return {}
-
     def _received(self, future: Any, results: Mapping[Any, Any]) -> Iterator[tuple[int, Reply]]:
         """Yield the replies of an ended task; without any, requeue its items."""
         try:
             result = results[future] if future in results else self.cluster.wait_for(future._result, self.patience)
+        except TimeoutError:  # the worker is busy, or it is gone and the item is computed again
+            self.patience, self.late = min(2 * self.patience, self.options.patience), future
+            return
         except Exception as error:
-            yield from self._failed(future, error)
+            from distributed import KilledWorker
+
+            alone, places = len(self.running) == 1, self.running.pop(future)
+            if future.status in CANCELLED:  # the scheduler has lost the task
+                self.pending.extendleft(reversed(places))
+            elif not isinstance(error, KilledWorker):
+                raise InvalidInput(
+                    f"cluster: workers must be able to unpickle the task, got {cause_of(error)}"
+                ) from error
+            elif alone and len(places) == 1:
+                self.answered += 1
+                yield places[0], Lost(cause=f"{error.allowed_failures + 1} workers ended on it")
+            else:
+                self.suspects.extend(places)
             return
         self.patience = 5 * self.options.interval
         del self.running[future]
-        if isinstance(result, Refused):
-            raise InvalidInput(f"cluster: on every worker {result.reason}")
+        if isinstance(result, str):
+            raise InvalidInput(f"cluster: on every worker {result}")
         self.cluster.origins.add(result.origin)
         if result.origin.processor != processor():
             self.cluster.tell("workers have another make of processor: the run is reproducible only within a tolerance")
@@ -445,20 +445,3 @@ class _Round:
             self.answered += 1
             self.computed += getattr(reply, "seconds", 0.0)
             yield place, reply
-
-    def _failed(self, future: Any, error: Exception) -> Iterator[tuple[int, Reply]]:
-        from distributed import KilledWorker
-
-        if isinstance(error, TimeoutError):  # the worker is busy, or it is gone and the item is computed again
-            self.patience, self.late = min(2 * self.patience, self.options.patience), future
-            return
-        alone, places = len(self.running) == 1, self.running.pop(future)
-        if future.status in CANCELLED:  # the scheduler has lost the task
-            self.pending.extendleft(reversed(places))
-        elif not isinstance(error, KilledWorker):
-            raise InvalidInput(f"cluster: workers must be able to unpickle the task, got {cause_of(error)}")
-        elif alone and len(places) == 1:
-            self.answered += 1
-            yield places[0], Lost(cause=f"{error.allowed_failures + 1} workers ended on it")
-        else:
-            self.suspects.extend(places)

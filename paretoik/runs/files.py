@@ -42,6 +42,22 @@ def read_table(content: bytes) -> Any:
     return table.rename_columns([FORMER_NAMES.get(name, name) for name in table.column_names])
 
 
+def array_bytes(arrays: Mapping[str, np.ndarray]) -> bytes:
+    """Return arrays, by name, as the content of an NPZ without pickle."""
+    sink = io.BytesIO()
+    np.savez(sink, allow_pickle=False, **arrays)
+    return sink.getvalue()
+
+
+def table_bytes(table: Any) -> bytes:
+    """Return an Arrow table as the content of a Parquet file."""
+    import pyarrow.parquet as pq
+
+    sink = io.BytesIO()
+    pq.write_table(table, sink)
+    return sink.getvalue()
+
+
 # Names of a run's files, and its `run.json`.
 
 
@@ -97,9 +113,8 @@ def check_target(
         raise InvalidInput(f"{file} must be writable, got {fault.strerror}") from fault
     if file.is_dir() and not folder:
         raise InvalidInput(f"{name} must be {kind} to write into, got the folder {file}")
-    is_ours = (
-        mark is not None and file.is_file() and mark in file.read_bytes()[:4096]
-    )  # the marks are near the beginning of HTML and PNG files
+    # The marks are near the beginning of HTML and PNG files.
+    is_ours = mark is not None and file.is_file() and mark in file.read_bytes()[:4096]
     if not (overwrite or is_ours):
         raise InvalidInput(f"{file} must be a new file, got one that exists; use --overwrite to replace it")
 

@@ -32,9 +32,6 @@ from paretoik.runs.user_code import (
 )
 
 SCHEME = "4"  # version of the digests; it changes when digests are made in another way
-DECIMALS = 6  # decimals of computed values [rad, m, shares]: processors differ in the last bits
-EXACT = 2**53  # floats represent all integers up to this one
-DEPTH = 100  # largest depth of nested values, since Python's stack is limited; deeper ones count by type only
 
 
 def fingerprint(problem: object) -> str:
@@ -72,6 +69,23 @@ def check_fingerprint(problem: object, stored: object, *, wish: str) -> None:
 # Digests of values: equal for equal values, in all processes.
 
 
+@dataclass(frozen=True, kw_only=True)
+class DigestOptions:
+    """Bounds of values that count by their bits.
+
+    decimals: decimals of computed values [rad, m, shares], as processors differ in the last bits
+    exact: integer up to which floats represent all integers
+    depth: largest depth of nested values, since Python's stack is limited; deeper ones count by type only
+    """
+
+    decimals: int = 6
+    exact: int = 2**53
+    depth: int = 100
+
+
+OPTIONS = DigestOptions()
+
+
 def joined(label: str, *parts: bytes) -> bytes:
     """Return the digest of parts under a label; the boundaries between parts count."""
     digest = blake2b(label.encode(errors="surrogatepass") + b"\0", digest_size=32)
@@ -96,7 +110,7 @@ class Digester:
     def digest(self, value: object) -> bytes:
         """Return the digest of a value."""
         if isinstance(value, int | float | np.number) and not isinstance(value, Enum):
-            is_large = isinstance(value, int | np.integer) and abs(int(value)) >= EXACT
+            is_large = isinstance(value, int | np.integer) and abs(int(value)) >= OPTIONS.exact
             return joined("integer", str(value).encode()) if is_large else self._array(np.asarray(value))
         if value is None or isinstance(value, str | bytes | complex):
             return joined(type(value).__name__, repr(value).encode())
@@ -104,7 +118,7 @@ class Digester:
             return self.done[id(value)][1]
         if id(value) in self.open:
             return joined("cycle", str(len(self.open) - self.open[id(value)]).encode())
-        if len(self.open) > DEPTH:
+        if len(self.open) > OPTIONS.depth:
             return joined("deep", library_name(type(value)).encode())
         self.open[id(value)] = len(self.open)
         result = self._compound(value)
@@ -154,8 +168,8 @@ class Digester:
         shape, kind = str(array.shape).encode(), array.dtype.kind
         if kind == "O":
             return joined("items", shape, self.digest(array.tolist()))
-        if kind == "f" or (kind in "biu" and array.size and np.abs(array.astype(float)).max() < EXACT):
-            numbers = array.astype("<f8").round(DECIMALS) if self.rounded else array.astype("<f8")
+        if kind == "f" or (kind in "biu" and array.size and np.abs(array.astype(float)).max() < OPTIONS.exact):
+            numbers = array.astype("<f8").round(OPTIONS.decimals) if self.rounded else array.astype("<f8")
             return joined("numbers", shape, (numbers + 0.0).tobytes())
         return joined("items", shape, str(array.dtype).encode(), array.tobytes())
 

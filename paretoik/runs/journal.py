@@ -33,7 +33,6 @@ from paretoik.stop_flag import STOP
 
 MARK = b"paretoik journal 3\n"  # the first bytes of every frame
 HEAD = struct.Struct(f"<{len(MARK)}s32sQ32s")  # head of a frame
-SYNC = 1.0  # s: longest time until a frame is on the disk; until then it survives the process, not a power cut
 
 Values: TypeAlias = Mapping[str, np.ndarray]
 Compute: TypeAlias = Callable[[], Values]
@@ -104,7 +103,7 @@ class Journal:
                 written = 0
                 while written < len(frame):
                     written += os.pwrite(self._descriptor, frame[written:], self._end + written)
-                self._sync(every=SYNC)
+                self._sync(every=1.0)  # s: until a frame is on the disk it survives the process, not a power cut
             except OSError as fault:
                 self._is_full = True
                 os.ftruncate(self._descriptor, self._end)

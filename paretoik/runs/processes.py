@@ -57,7 +57,15 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     become_worker()
     connection, received = Connection(int(sys.argv[1])), SimpleQueue[bytes]()
-    Thread(target=_receive, args=(connection, received), daemon=True).start()
+
+    def receive() -> None:  # immediately, so that the parent never waits to send
+        try:
+            while True:
+                received.put(connection.recv_bytes())
+        except (EOFError, OSError):  # the parent has ended
+            os._exit(0)
+
+    Thread(target=receive, daemon=True).start()
     shared: Any = None
     while True:
         work: Work = Work(*cloudpickle.loads(received.get()))
@@ -71,15 +79,6 @@ def main() -> None:
         _send(connection, STARTED, None)
         for place, item in work.items:
             _send(connection, place, compute(function, shared, item))
-
-
-def _receive(connection: Connection, received: SimpleQueue[bytes]) -> None:
-    """Receive messages immediately; end this process when the parent has ended. The parent then never waits to send."""
-    try:
-        while True:
-            received.put(connection.recv_bytes())
-    except (EOFError, OSError):
-        os._exit(0)
 
 
 def _send(connection: Connection, place: int, reply: Done | Raised | None) -> None:
@@ -217,8 +216,19 @@ class _Round:
                     )
                 self.processes.append(_Worker(process=process, connection=Connection(ours.detach())))
             for worker in self.processes:
-                if self.pending and not worker.places:
-                    self._give(worker)
+                if not self.pending or worker.places:
+                    continue
+                portion = 1
+                if self.computed and self.seconds is None:
+                    portion = int(OPTIONS.portion * self.answered / self.computed)
+                share = len(self.pending) // (OPTIONS.shares * self.workers)
+                places = [self.pending.popleft() for _ in range(max(1, min(portion, share)))]
+                shared = None if worker.has is self.shared else self.shared
+                work = Work(self.function, shared, [(place, self.items[place]) for place in places])
+                worker.has, worker.since = self.shared, None
+                worker.places.extend(places)
+                with suppress(OSError):  # the worker has ended, which is noticed when its reply is read
+                    worker.connection.send_bytes(pickled("an item", tuple(work)))
             # Wait for replies, until the first item takes too long.
             busy: dict[Any, _Worker] = {worker.connection: worker for worker in self.processes if worker.places}
             lasted = max(worker.seconds for worker in busy.values())
@@ -231,19 +241,6 @@ class _Round:
                 if self.seconds is not None and worker.since is not None and worker.seconds >= self.seconds:
                     self._remove(worker)
                     yield self._lost(worker, f"it took more than {self.seconds:g} s")
-
-    def _give(self, worker: _Worker) -> None:
-        portion = 1
-        if self.computed and self.seconds is None:
-            portion = int(OPTIONS.portion * self.answered / self.computed)
-        share = len(self.pending) // (OPTIONS.shares * self.workers)
-        places = [self.pending.popleft() for _ in range(max(1, min(portion, share)))]
-        shared = None if worker.has is self.shared else self.shared
-        work = Work(self.function, shared, [(place, self.items[place]) for place in places])
-        worker.has, worker.since = self.shared, None
-        worker.places.extend(places)
-        with suppress(OSError):  # the worker has ended, which is noticed when its reply is read
-            worker.connection.send_bytes(pickled("an item", tuple(work)))
 
     def _received(self, worker: _Worker) -> Iterator[tuple[int, Reply]]:
         """Yield a worker's replies; if it has ended, requeue its items, but not one that ended too many workers."""

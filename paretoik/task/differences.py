@@ -188,7 +188,20 @@ def fit_spline(q: Samples, time: Instants, *, cyclic: bool, ends_at_rest: bool) 
     if cyclic:
         control = _inner_control_points(np.concatenate([q[..., -3:-1, :], q, q[..., 1:3, :]], axis=-2), knots)
     elif q.shape[-2] < 5 - ends_at_rest:
-        control = _polynomial_control_points(q, knots, ends_at_rest=ends_at_rest)
+        # the polynomial through three or four samples, whose polar form at three knots is a control point
+        samples, unit = q.shape[-2], knots[..., -3:-2] - knots[..., 2:3]
+        t = (knots - knots[..., 2:3]) / unit
+        powers = np.arange(samples + ends_at_rest)
+        matrix, values = t[..., 2:-2, None] ** powers, q
+        if ends_at_rest:
+            slopes = np.broadcast_to(powers.astype(float), (*t.shape[:-1], 1, len(powers)))
+            matrix, values = (
+                np.concatenate([matrix, slopes], -2),
+                np.concatenate([q, np.zeros_like(q[..., :1, :])], axis=-2),
+            )
+        rows = np.stack([polar_form(t[..., k : k + 3]) for k in range(samples + 2)], axis=-2)[..., : len(powers)]
+        factors = np.linalg.solve(np.swapaxes(matrix, -1, -2), np.swapaxes(rows, -1, -2))
+        control = np.swapaxes(factors, -1, -2) @ values
     else:
         inner = _inner_control_points(q, knots[..., 2:-2])
         near = min(4, inner.shape[-2])
@@ -266,22 +279,6 @@ def _free_end(q: np.ndarray, control: np.ndarray, knots: np.ndarray) -> np.ndarr
     right = np.concatenate([q, np.zeros_like(q)], axis=-2) - rows[..., 2:] @ control
     end: np.ndarray = np.linalg.solve(rows[..., :2], right)
     return end
-
-
-def _polynomial_control_points(q: Samples, knots: np.ndarray, *, ends_at_rest: bool) -> np.ndarray:
-    """Return the control points of the polynomial through three or four samples."""
-    samples = q.shape[-2]
-    unit = knots[..., -3:-2] - knots[..., 2:3]
-    t = (knots - knots[..., 2:3]) / unit
-    powers = np.arange(samples + ends_at_rest)
-    matrix = t[..., 2:-2, None] ** powers
-    if ends_at_rest:
-        matrix = np.concatenate([matrix, np.broadcast_to(powers.astype(float), (*t.shape[:-1], 1, len(powers)))], -2)
-        q = np.concatenate([q, np.zeros_like(q[..., :1, :])], axis=-2)
-    rows = np.stack([polar_form(t[..., k : k + 3]) for k in range(samples + 2)], axis=-2)[..., : len(powers)]
-    factors = np.swapaxes(np.linalg.solve(np.swapaxes(matrix, -1, -2), np.swapaxes(rows, -1, -2)), -1, -2)
-    control: np.ndarray = factors @ q
-    return control
 
 
 def polar_form(t: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:

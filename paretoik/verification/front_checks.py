@@ -26,13 +26,14 @@ from scipy.linalg import null_space
 from scipy.optimize import linprog
 
 from paretoik.front.certificates import STATUSES
+from paretoik.inputs import first_line
 from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.limits import clearance_range, joint_limits, limit_shares
 from paretoik.verification.measured_motion import MeasuredMotion, measure
 from paretoik.verification.motion_checks import finer_motion, project, project_curve
 from paretoik.verification.objectives import Terms, is_own_integral, objective_terms
 from paretoik.verification.path_targets import path_targets, task_errors
-from paretoik.verification.run_contents import Check, RunContents, demand, first_line, judge, leave_out
+from paretoik.verification.run_contents import Check, RunContents, demand, judge, leave_out
 from paretoik.verification.tolerances import OPTIONS, TOLERANCES
 
 # The table and the arrays of a run, without the problem.
@@ -417,22 +418,17 @@ def _shown_gain(near: Neighbours, at: FirstOrder, box: float, accepted: float) -
                 reason = "a direction improves all objectives, but comes nearer to limits between samples"
         if reason:
             raise UndecidedError(reason)
-        pairs = zip(at.objectives, _linearise(near, OPTIONS.probe * d).objectives, strict=True)
-        at = replace(at, objectives=tuple(_with_pieces(one, other, OPTIONS.probe * d) for one, other in pairs))
+        # further pieces: those of the motion on the other side of kinks whose gradients differ
+        pairs, widened = zip(at.objectives, _linearise(near, OPTIONS.probe * d).objectives, strict=True), list[Pieces]()
+        for one, other in pairs:
+            values, own = other.values - other.slopes @ (OPTIONS.probe * d), one.slopes[: len(other.slopes)]
+            rows = np.abs(other.slopes - own).max(axis=1) > OPTIONS.kink * np.abs(own).max(axis=1)
+            values = np.append(one.values, np.minimum(values, one.values[: len(values)])[rows])
+            slopes = np.concatenate([one.slopes, other.slopes[rows]])
+            terms = np.append(one.terms, other.terms[rows])
+            widened.append(Pieces(terms=terms, values=values, slopes=slopes, weights=one.weights))
+        at = replace(at, objectives=tuple(widened))
     raise UndecidedError("undecided, because an objective has kinks")
-
-
-def _with_pieces(at: Pieces, there: Pieces, d: np.ndarray) -> Pieces:
-    """Return an objective's pieces, and those of the motion at coordinates d whose gradients differ."""
-    values = there.values - there.slopes @ d
-    own = at.slopes[: len(there.slopes)]
-    other = np.abs(there.slopes - own).max(axis=1) > OPTIONS.kink * np.abs(own).max(axis=1)
-    return replace(
-        at,
-        terms=np.append(at.terms, there.terms[other]),
-        values=np.append(at.values, np.minimum(values, at.values[: len(values)])[other]),
-        slopes=np.concatenate([at.slopes, there.slopes[other]]),
-    )
 
 
 def _best_gain(at: FirstOrder, box: float, mixtures: np.ndarray) -> tuple[float, np.ndarray]:

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from paretoik.inputs import first_line
 from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.measured_motion import MeasuredMotion, nearest_pair
 from paretoik.verification.objectives import form_value
-from paretoik.verification.run_contents import Worst, first_line
+from paretoik.verification.run_contents import Worst
 
 LIMITED = {  # by kind: bounded attribute of a motion, unit for rotational joints, unit for prismatic joints
     "position": ("q", "rad", "m"),
@@ -35,10 +36,25 @@ def excesses(task: Any, motion: MeasuredMotion) -> Iterator[tuple[str, float, Wo
         excess = float(task.min_clearance - smallest) / clearance_range(task, motion.model)
         yield "clearance at samples", excess, place, ""
     for each in task.constraints:
+        # An integral may have kinks, and is then limited on the spline: the smaller excess of spline and curve counts.
+        name, motions = f"constraint {each.name}", (motion, motion.spline) if each.form == "integral" else (motion,)
         try:
-            yield f"constraint {each.name}", *_worst_of_constraint(each, motion), ""
+            if each.form == "peak":
+                values = np.asarray(each.function(motion), dtype=float)
+                beyond = np.maximum(values - each.upper, each.lower - values).reshape(-1)
+                instant = int(np.argmax(np.where(np.isnan(beyond), np.inf, beyond)))
+                value, time = float(values.reshape(-1)[instant]), float(motion.time[0, instant])
+            else:
+                every = [form_value(each.form, each.function(one), one, maximise=False) for one in motions]
+                shares = [max(one - each.upper, each.lower - one) for one in every]
+                value, time = every[shares.index(min(shares))], np.nan
         except Exception as fault:  # a user's function may raise anything
-            yield f"constraint {each.name}", np.nan, None, f"its function fails here: {first_line(fault)}"
+            yield name, np.nan, None, f"its function fails here: {first_line(fault)}"
+            continue
+        limit = float(each.upper if value - each.upper >= each.lower - value else each.lower)
+        excess = max(value - each.upper, each.lower - value) / float(each.scale)
+        worst = Worst(what=each.name, time=time, value=value, limit=limit, unit=each.unit)
+        yield name, excess if np.isfinite(value) else float("nan"), worst, ""
 
 
 def worst_joint(
@@ -119,24 +135,3 @@ def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndar
 def clearance_range(task: Any, model: ArmModel) -> float:
     """Return the scale of violations of clearance [m]: that required, at least 1 % of the arm's length."""
     return max(float(task.min_clearance), 0.01 * model.length)
-
-
-def _worst_of_constraint(constraint: Any, motion: MeasuredMotion) -> tuple[float, Worst]:
-    """Return the excess of a user's own limit, as a share of its scale, and its place.
-
-    An integral may have kinks, and is then limited on the spline: the smaller excess of spline and curve counts.
-    """
-    if constraint.form == "peak":
-        values = np.asarray(constraint.function(motion), dtype=float)
-        excess = np.maximum(values - constraint.upper, constraint.lower - values).reshape(-1)
-        instant = int(np.argmax(np.where(np.isnan(excess), np.inf, excess)))
-        value, time = float(values.reshape(-1)[instant]), float(motion.time[0, instant])
-    else:
-        motions = (motion, motion.spline) if constraint.form == "integral" else (motion,)
-        every = [form_value(constraint.form, constraint.function(each), each, maximise=False) for each in motions]
-        value, time = min(every, key=lambda each: max(each - constraint.upper, constraint.lower - each)), np.nan
-    above = value - constraint.upper >= constraint.lower - value
-    limit = float(constraint.upper if above else constraint.lower)
-    excess_of_it = max(value - constraint.upper, constraint.lower - value) / float(constraint.scale)
-    worst = Worst(what=constraint.name, time=time, value=value, limit=limit, unit=constraint.unit)
-    return excess_of_it if np.isfinite(value) else float("nan"), worst

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from paretoik.errors import InvalidRun
+from paretoik.inputs import first_line
 from paretoik.runs.files import MOTIONS, OPTIMA, RUN, TABLE, digest, read_arrays, read_plain_file, read_run, read_table
 from paretoik.tables import html_representation
 
@@ -163,11 +164,6 @@ def leave_out(subject: str, reason: str, *, point: int | None = None) -> Check:
     return Check(subject=subject, point=point, verdict="not checked", detail=reason)
 
 
-def first_line(fault: Exception) -> str:
-    """Return the first line of an error's text, else its type."""
-    return (str(fault).splitlines() or [type(fault).__name__])[0]
-
-
 def _by_subject(rows: Sequence[Check]) -> list[list[Check]]:
     return [[row for row in rows if row.subject == subject] for subject in dict.fromkeys(row.subject for row in rows)]
 
@@ -266,16 +262,17 @@ def read_contents(folder: Path) -> RunContents:
                 arrays[name] = read_arrays(content)
             else:
                 stored = read_table(content)
-                table = {column: _column(column, stored.column(column)) for column in stored.column_names}
+                read = dict[str, np.ndarray]()  # integer ids, texts, or numbers, NaN if missing
+                for column in stored.column_names:
+                    values = stored.column(column)
+                    if column == "id":
+                        read[column] = np.asarray(values.cast("int64").to_numpy())
+                    elif column in TEXTS:
+                        read[column] = np.array(["" if each is None else str(each) for each in values.to_pylist()])
+                    else:
+                        numbers = [np.nan if each is None else each for each in values.to_pylist()]
+                        read[column] = np.array(numbers, dtype=float)
+                table = read
         except Exception as fault:  # the parser may raise any error; the file is the cause
             checks.append(demand("files", False, f"{name} cannot be read: {first_line(fault)}"))
     return RunContents(folder=folder, entries=entries, table=table, arrays=arrays, checks=checks)
-
-
-def _column(name: str, column: Any) -> np.ndarray:
-    """Return a column of a table: integer ids, text, or numbers, NaN if missing."""
-    if name == "id":
-        return np.asarray(column.cast("int64").to_numpy())
-    if name in TEXTS:
-        return np.array(["" if value is None else str(value) for value in column.to_pylist()])
-    return np.array([np.nan if value is None else value for value in column.to_pylist()], dtype=float)

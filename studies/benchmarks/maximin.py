@@ -47,8 +47,8 @@ from pymoo.util.ref_dirs import get_reference_directions
 
 import paretoik.search
 from paretoik.arrays import Genes, Objectives
-from paretoik.front.storage import array_bytes
 from paretoik.runs.file_replacement import replace_file
+from paretoik.runs.files import array_bytes
 from paretoik.search.genes import has_real_genes, seeded_population
 from paretoik.search.maximin import MaxiMin
 from paretoik.search.nsga2 import MaxiMinNSGA2

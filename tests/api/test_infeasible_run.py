@@ -12,8 +12,7 @@ import paretoik as pk
 from paretoik.api.report import read_infeasible
 from paretoik.api.result import ENTRY
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.front.storage import array_bytes
-from paretoik.runs.files import NEAREST, write_run
+from paretoik.runs.files import NEAREST, array_bytes, write_run
 from tests.api.problems import tracking
 
 ENERGY = {"name": "energy", "unit": "J", "maximised": False, "value": 2.0}

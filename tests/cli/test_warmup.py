@@ -15,7 +15,7 @@ def kinds():
 
 @pytest.mark.parametrize("quiet", [False, True])
 def test_every_compiled_function_is_a_line_with_its_seconds(paretoik, monkeypatch, quiet):
-    monkeypatch.setattr("paretoik.cli.inspect.solved_kinds", kinds)
+    monkeypatch.setattr("paretoik.cli.app.solved_kinds", kinds)
     ended = paretoik("warmup", *(["--quiet"] if quiet else []))
     assert ended.code == 0
     assert ended.out.startswith("1 functions compiled in 0 s")

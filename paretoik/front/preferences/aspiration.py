@@ -23,7 +23,7 @@ from paretoik.front.choice import (
     with_unit,
 )
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
-from paretoik.front.points import Front, FrontData, check_front, check_known, row_of, shares_of
+from paretoik.front.points import Front, check_front, check_known, row_of, shares_of
 from paretoik.inputs import is_integer, read_list, shown
 from paretoik.tables import html_representation
 
@@ -138,14 +138,7 @@ class Classify:
             gains = amounts_in_words(front, change.gains, better=True)
             costs = amounts_in_words(front, change.costs, better=False)
             outcome = f"point {front.ids[row]} does best of {others} others that satisfy this, with {gains} for {costs}"
-        verdict = f"From point {self.current}, {self._in_words(front)}: {outcome}."
-        details = {"current": int(self.current), "within": tuple(front.ids[within].tolist())}
-        return explain(front, row, verdict, preference=self, score=float(scores[row]), details=details)
 
-    def _names(self) -> list[str]:
-        return [name for field in CLASSES for name in getattr(self, field)]
-
-    def _in_words(self, front: FrontData) -> str:
         def to(values: Mapping[str, float]) -> list[str]:
             return [with_unit(front, name, f"{name} to {value:.4g}") for name, value in values.items()]
 
@@ -154,7 +147,12 @@ class Classify:
         words += [f"keep {list_words(self.keep)}"] if self.keep else []
         words += [f"relax {goal}" for goal in to(self.relax_to)]
         words += [f"leave {list_words(self.free)} free"] if self.free else []
-        return list_words(words)
+        verdict = f"From point {self.current}, {list_words(words)}: {outcome}."
+        details = {"current": int(self.current), "within": tuple(front.ids[within].tolist())}
+        return explain(front, row, verdict, preference=self, score=float(scores[row]), details=details)
+
+    def _names(self) -> list[str]:
+        return [name for field in CLASSES for name in getattr(self, field)]
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -207,30 +205,26 @@ class Aspiration:
             "spares": {front.names[axis]: float(-missed[row, axis]) for axis in axes if meets[row, axis]},
             "worst_share": float(excess[row].max()),
         }
-        verdict = self._verdict(front, row, met_by, misses, excess[row])
-        return explain(front, row, verdict, preference=self, score=float(score[row]), details=details)
-
-    def _verdict(
-        self, front: FrontData, row: int, met_by: Sequence[int], misses: Mapping[str, float], excess: Values
-    ) -> str:
         sides = dict(zip(front.names, np.where(front.maximised, "least", "most"), strict=True))
-        wishes = [with_unit(front, each, f"{each} at {sides[each]} {value:.4g}") for each, value in self.values.items()]
-        point, worst = f"point {front.ids[row]} of {len(front)}", list(self.values)[int(excess.argmax())]
-        wish = f"The wish, {list_words(wishes)}, is"
-        if not misses and excess.max() > -OPTIONS.rounding:
-            return f"{wish} just within reach: {point} meets it, but is not better in all of it."
-        if not misses:
-            return (
-                f"{wish} within reach: {point} has the largest margin in its worst objective, "
-                f"{percent(-excess.max())} of the range, in {worst}."
-            )
-        missed = list_words([f"{name} by {quantity(front, name, amount)}" for name, amount in misses.items()])
-        if met_by:
-            return (
-                f"{wish} within reach: point {met_by[0]} meets it, but {point} misses it only by a trace, {missed}, "
-                "and has a lower sum of shares."
-            )
-        return (
-            f"{wish} out of reach: {point} misses it the least, by at most {percent(excess.max())} of a range, in "
-            f"{worst}. It misses {missed}."
+        named = [with_unit(front, each, f"{each} at {sides[each]} {value:.4g}") for each, value in self.values.items()]
+        point, worst, most = (
+            f"point {front.ids[row]} of {len(front)}",
+            front.names[axes[excess[row].argmax()]],
+            excess[row].max(),
         )
+        verdict = f"The wish, {list_words(named)}, is"
+        lost = list_words([f"{name} by {quantity(front, name, amount)}" for name, amount in misses.items()])
+        if not misses and most > -OPTIONS.rounding:
+            verdict += f" just within reach: {point} meets it, but is not better in all of it."
+        elif not misses:
+            verdict += f" within reach: {point} has the largest margin in its worst objective, "
+            verdict += f"{percent(-most)} of the range, in {worst}."
+        elif met_by:
+            verdict += f" within reach: point {met_by[0]} meets it, but {point} misses it only by a trace, {lost}, and "
+            verdict += "has a lower sum of shares."
+        else:
+            verdict += (
+                f" out of reach: {point} misses it the least, by at most {percent(most)} of a range, in {worst}. "
+            )
+            verdict += f"It misses {lost}."
+        return explain(front, row, verdict, preference=self, score=float(score[row]), details=details)

@@ -23,7 +23,6 @@ from paretoik.review.palette import SCREEN, Colour
 
 
 SYMBOLS = frozenset("•…–—“”‰€−×·≤≥≈≠→←↑↓∂∞√∫∑●■▲○◆″°⁰ⁱ\n")
-BLOCKS = ((0x20, 0x7E), (0xA0, 0x24F), (0x391, 0x3CE), (0x410, 0x44F), (0x2080, 0x2089), (0x2074, 0x207B))
 
 
 def screen_text(words: str) -> str:
@@ -32,9 +31,8 @@ def screen_text(words: str) -> str:
     >>> screen_text("energy [N²m²s], 能")
     'energy [N²m²s], ?'
     """
-    drawable = SYMBOLS | {
-        character for character in words if any(low <= ord(character) <= high for low, high in BLOCKS)
-    }
+    blocks = (0x20, 0x7E), (0xA0, 0x24F), (0x391, 0x3CE), (0x410, 0x44F), (0x2080, 0x2089), (0x2074, 0x207B)
+    drawable = SYMBOLS | {each for each in words if any(low <= ord(each) <= high for low, high in blocks)}
     return "".join(character if character in drawable else "?" for character in words)
 
 
@@ -74,6 +72,7 @@ class TextSize:
     drop: float = 12.0  # from a label's point down to its middle
     gap: float = 8.0  # between numbers and the frame
     rise: float = 21.0  # of the middle of the vertical axis label above the frame
+    row: float = 30.0  # height of a row of a legend
     left: float = 74.0
     right: float = 22.0
     top: float = 34.0

@@ -173,7 +173,30 @@ class MaximaDrawing:
             log_text(stream, maximum_text(self.scene, self.end, number))
             for chart in self._charts:
                 chart.log_cursor(stream, float(number))
-        self._layout.log(stream)
+        charts, cell = [chart.view() for chart in self._charts], self.scene.workcell
+        entries = drawn_entries(
+            (f"highest {self.scene.word}s so far", SCREEN.front, True),
+            ("this direction", SCREEN.chosen, True),
+            ("all directions", SCREEN.final, True),
+            ("arm in the posture of this direction", SCREEN.arm, True),
+            ("postures of those before", SCREEN.ghost, True),
+            ("position of the tool", SCREEN.target, True),
+            ("what motors allow: dashed", SCREEN.text, True),
+            ("limits: dashed", SCREEN.text, "position" in cell.bounds),
+            ("obstacle", SCREEN.obstacle, cell.obstacles),
+        )
+        Layout(
+            legend=Legend(entries=entries),
+            front=self._stage.view(f"highest {self.scene.word} in each direction"),
+            charts=charts[:1],
+            arm=self._drawing.view("arm in the posture of the maximum"),
+            joints=charts[1:],
+            texts=[text_view("direction")],
+            timeline="direction",
+            name="directional maxima",
+            frames=DRAWING.slow_frames,
+            note=self.note,
+        ).log(stream)
 
     def _log_maxima(self, stream: rr.RecordingStream, count: int) -> None:
         """Draw the first ``count`` maxima; the last one is chosen, and its name avoids rays and corners."""
@@ -284,30 +307,3 @@ class MaximaDrawing:
             curves = values.reshape(len(polygon), -1).T
             charts.append(Chart.over("direction", name, label, numbers, curves, colours, dots=True, **more))
         return [charts[0], *fit_below_tabs(charts[1:])]
-
-    @property
-    def _layout(self) -> Layout:
-        charts, cell = [chart.view() for chart in self._charts], self.scene.workcell
-        entries = drawn_entries(
-            (f"highest {self.scene.word}s so far", SCREEN.front, True),
-            ("this direction", SCREEN.chosen, True),
-            ("all directions", SCREEN.final, True),
-            ("arm in the posture of this direction", SCREEN.arm, True),
-            ("postures of those before", SCREEN.ghost, True),
-            ("position of the tool", SCREEN.target, True),
-            ("what motors allow: dashed", SCREEN.text, True),
-            ("limits: dashed", SCREEN.text, "position" in cell.bounds),
-            ("obstacle", SCREEN.obstacle, cell.obstacles),
-        )
-        return Layout(
-            legend=Legend(entries=entries),
-            front=self._stage.view(f"highest {self.scene.word} in each direction"),
-            charts=charts[:1],
-            arm=self._drawing.view("arm in the posture of the maximum"),
-            joints=charts[1:],
-            texts=[text_view("direction")],
-            timeline="direction",
-            name="directional maxima",
-            frames=DRAWING.slow_frames,
-            note=self.note,
-        )

@@ -12,7 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Float
 
-from paretoik.arrays import Series, Times, Values
+from paretoik.arrays import Series, Times
 from paretoik.review.drawing.axes import (
     TEXT,
     Canvas,
@@ -130,8 +130,22 @@ class Chart:
         dots = flat_dots(np.concatenate(dotted), colours, radius, order)
         recording.log(f"{self.entity}/curves", *lines, dots, static=static)
         if len(curves) > 1:
+            from scipy.optimize import isotonic_regression  # here: it loads slowly
+
+            # The names are right of the ends of their curves, in as many columns as needed. They move as little as
+            # possible so that neighbours are apart: crowded names keep their common middle.
             ends = [strip[-1, 1] if len(strip) else 0.5 * self.canvas.height for strip in strips]
-            names = labels(self.names, self._name_places(ends), self.colours)
+            highest, gap = -0.4 * TEXT.line, TEXT.line / self._name_columns
+            lowest = highest + self.canvas.height  # below are the words of ticks
+            rank, steps = np.argsort(ends, kind="stable"), gap * np.arange(len(ends))
+            offsets = isotonic_regression(np.array(ends, dtype=float)[rank] - steps).x
+            moved = np.zeros(len(ends))
+            moved[rank] = np.minimum(np.maximum(offsets, highest), lowest - steps[-1]) + steps
+            longest = text_width(max(self.names, key=len))
+            column = np.argsort(np.argsort(moved, kind="stable"), kind="stable") % self._name_columns
+            x = self.canvas.width + 12.0 + (longest + 8.0) * column
+            middles = np.stack([x + 0.5 * np.array([text_width(name) for name in self.names]), moved], axis=1)
+            names = labels(self.names, middles, self.colours)
             recording.log(f"{self.entity}/names", names, static=static)
 
     def log_cursor(self, recording: rr.RecordingStream, instant: float) -> None:
@@ -179,24 +193,6 @@ class Chart:
         width = self.total[0] - TEXT.left - self._right
         height = self.total[1] - TEXT.top - TEXT.bottom
         return Canvas(low=low, high=high, labels=self.labels, width=width, height=height)
-
-    def _name_places(self, ends: Sequence[float]) -> Values:
-        """Return the middles of names, right of the ends of their curves, in as many columns as needed.
-
-        They move as little as possible so that neighbours are apart: crowded names keep their common middle.
-        """
-        from scipy.optimize import isotonic_regression  # here: it loads slowly
-
-        highest, gap = -0.4 * TEXT.line, TEXT.line / self._name_columns
-        lowest = highest + self.canvas.height  # below are the words of ticks
-        order, steps = np.argsort(ends, kind="stable"), gap * np.arange(len(ends))
-        offsets = isotonic_regression(np.array(ends, dtype=float)[order] - steps).x
-        moved = np.zeros(len(ends))
-        moved[order] = np.minimum(np.maximum(offsets, highest), lowest - steps[-1]) + steps
-        longest = text_width(max(self.names, key=len))
-        column = np.argsort(np.argsort(moved, kind="stable"), kind="stable") % self._name_columns
-        x = self.canvas.width + 12.0 + (longest + 8.0) * column
-        return np.stack([x + 0.5 * np.array([text_width(name) for name in self.names]), moved], axis=1)
 
     @property
     def _name_columns(self) -> int:

@@ -21,6 +21,7 @@ from paretoik.formulations.protocol import Timeline, is_loop
 from paretoik.front.choice import Choice, Prediction
 from paretoik.front.choice_tree import chosen
 from paretoik.front.front import Front
+from paretoik.inputs import first_line
 from paretoik.review.drawing.layout import (
     Entry,
     Legend,
@@ -34,11 +35,12 @@ from paretoik.review.drawing.motion import NO_TIMES, MotionScene, is_moving, mot
 from paretoik.review.drawing.point_text import point_text
 from paretoik.review.drawing.scatter import LAYERS, Scatter
 from paretoik.review.palette import SCREEN, VIEWS
-from paretoik.review.recording.messages import RecordedPoint, chosen_point, record_motion, workcell_of_front
+from paretoik.review.recording.messages import RecordedPoint, Workcell, chosen_point, record_motion, workcell_of
 from paretoik.review.recording.recorder import OPTIONS, SearchedFront
 from paretoik.runs.file_replacement import only_writer, replace_file
 from paretoik.runs.files import RECORDING
 from paretoik.runs.folder import check_no_run
+from paretoik.task.motion import Motion
 
 # An existing recording: its data, timelines and layout, shown next to a choice.
 
@@ -72,8 +74,7 @@ class RecordedRun:
                 (self.store,) = self._reader.recordings()
                 origins = {each: self._values(each, ORIGIN) for each in self._reader.blueprints()}
         except (OSError, RuntimeError, ValueError, RerunWarning) as fault:
-            cause = (str(fault).splitlines() or [type(fault).__name__])[0]
-            raise InvalidInput(f"{file}: must be a recording of a run, got {cause}") from fault
+            raise InvalidInput(f"{file}: must be a recording of a run, got {first_line(fault)}") from fault
         roots = {each: {origin.strip("/").split("/")[0] for origin in shown} for each, shown in origins.items()}
         self._layout = next((each for each, names in roots.items() if names.isdisjoint(ROOTS)), None)
 
@@ -202,7 +203,9 @@ class ChoiceLayer:
     @cached_property
     def _motions(self) -> list[MotionScene | None]:
         """The arms of the choices on the same axes; None without a workcell or motions."""
-        cell = workcell_of_front(self.front)
+        cell = workcell_of(self.front.problem)
+        if cell is None and isinstance(self.front.motions, Motion):  # without its problem only the arm is known
+            cell = Workcell(arm=self.front.motions.arm)
         if cell is None or any(point.motion is None for point in self._points):
             return [None] * len(self.choices)
         names, points = tuple(self.front.names), [*self._points, *self.around]

@@ -55,11 +55,6 @@ def half_size(words: str) -> Point:
     return LABEL.reserve * plate_half(words)
 
 
-def below_first(words: str) -> float:
-    """Return how far the middle of words is below the middle of their first line [pixels]."""
-    return 0.5 * LABEL.line * words.count("\n")
-
-
 DrawnLabels: TypeAlias = tuple[rr.Points2D, rr.LineStrips2D]  # words, and the lines from them to their marks
 
 
@@ -121,7 +116,8 @@ def joined_labels(
         half, within = half_size(each), plate_half(each) - MARKS.overlap
         if np.linalg.norm(np.clip(mark, middle - half, middle + half) - mark) > MARKS.leader:
             joins.append(np.stack([mark, np.clip(mark, middle - within, middle + within)]))
-        places.append((middle - (0.0, below_first(each)))[None])
+        below = 0.5 * LABEL.line * each.count("\n")  # the middle of words is below that of their first line
+        places.append((middle - (0.0, below))[None])
     return labels(words, np.concatenate(places), colour), flat_lines(joins, colour, 0.6, 3.8)
 
 

@@ -70,7 +70,6 @@ def _width(names: Sequence[str]) -> float:
 
 
 BULLET = "● "
-ROW = 1.5 * TEXT.line  # height of a row [pixels]
 Entry: TypeAlias = tuple[str, Colour]
 
 
@@ -92,13 +91,13 @@ class Legend:
     @property
     def height(self) -> float:
         """The height of the strip [pixels]."""
-        return ROW * (1 + max(row for row, _ in self._places()))
+        return TEXT.row * (1 + max(row for row, _ in self._places()))
 
     def log(self, recording: rr.RecordingStream) -> None:
         """Draw the words, for all times."""
         words, colours = [BULLET + word for word, _ in self.entries], [colour for _, colour in self.entries]
         beside = zip(words, self._places(), strict=True)
-        middles = np.array([(x + 0.5 * text_width(word), (row + 0.5) * ROW) for word, (row, x) in beside])
+        middles = np.array([(x + 0.5 * text_width(word), (row + 0.5) * TEXT.row) for word, (row, x) in beside])
         recording.log(f"{self.entity}/words", labels(words, middles, colours), static=True)
 
     def _places(self) -> list[tuple[int, float]]:

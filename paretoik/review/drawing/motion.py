@@ -17,7 +17,7 @@ from paretoik.review.drawing.arm import ArmDrawing
 from paretoik.review.drawing.axes import entity_names, screen_text
 from paretoik.review.drawing.charts import Chart, LimitLine, curve_points, fit_below_tabs
 from paretoik.review.drawing.layout import Entry, drawn_entries
-from paretoik.review.palette import DRAWING, SCREEN, even_rows, has_masses, is_sliding, joint_units
+from paretoik.review.palette import DRAWING, SCREEN, even_rows, is_sliding, joint_units
 from paretoik.review.recording.messages import RecordedMotion, RecordedPoint, Workcell, joint_curves
 from paretoik.robot.kinematics import joint_scales, link_nodes
 from paretoik.task.limits import JOINT_UNITS, usual_ranges
@@ -32,12 +32,10 @@ def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> 
 
     Accelerations and powers are only drawn if they are limited; torques and powers only if the arm has masses.
     """
-    charts = {}
-    sliding = is_sliding(cell.arm)
+    charts, sliding = {}, is_sliding(cell.arm)
+    has_masses = any(body.mass > 0.0 or bool(np.any(body.inertia)) for body in cell.arm.bodies)
     for kind, units in JOINT_UNITS.items():
-        if not motions or (kind not in ALWAYS and kind not in cell.bounds):
-            continue
-        if kind in OF_MASSES and not has_masses(cell.arm):
+        if not motions or (kind not in ALWAYS and kind not in cell.bounds) or (kind in OF_MASSES and not has_masses):
             continue
         end = max(float(time[-1]) for time, _ in motions)
         duration = max(float(np.ptp(time)) for time, _ in motions) or 1.0

@@ -399,55 +399,49 @@ class PlanDrawing:
             if motions is not None:
                 motions.log_whole(stream, self._bests[place])
         if self.end is not None:  # the optima, which are shown at the end of all timelines
-            self._log_end(stream, self.end)
-        if motions is not None:
-            self._log_motions(stream, motions)
+            last, count, nearest = self.messages[-1:], len(self._panel.starts), self.end.least_violating
+            set_times(stream, **self._end_times(last[0].number + 1 if last else 0))
+            self._panel.log_until(stream, count, ended=True)
+            if nearest is None:
+                words = plan_end_text(self.scene, self.end, self._lasts[0] if self._lasts else 0, count)
+            else:
+                units, cell = (self.scene.unit,), self.scene.workcell
+                words = infeasible_text((self.scene.name,), units, nearest, cell, "No feasible motion")
+            log_text(stream, words)
+            if self.end.optima:
+                values = [float(each.point.objectives[0]) for each in self.end.optima]
+                stream.log("search/optima", rr.AnyValues(objective=values))
+            self._log_cursors(stream, float(len(self.messages) - 1))
+            if motions is not None:
+                motions.log_whole(stream, self._best)
+        if motions is not None:  # move the best arms, then show starts and optima one by one
+            stream.reset_time()
+            for point in self._best:
+                motions.send_motion(stream, point)
+            slots = [(float(self._clock.begins[place]), points) for place, points in enumerate(self._bests)]
+            motions.send_replay(stream, [*slots, (self._clock.end, self._best)])
+            for number, level, row, pair in self._walk:  # a start, and next to it its result
+                set_times(stream, start=number)
+                self._panel.log_until(stream, number, looked_at=number)
+                log_text(stream, start_text(self.scene, level, row))
+                self._log_cursors(stream, float(self._instants[number - 1]))
+                motions.log_whole(stream, pair)
+            optima = () if self.end is None or self._count < 2 else self.end.optima[: DRAWING.walk]
+            for place, optimum in enumerate(optima):
+                set_times(stream, optimum=place)
+                self._panel.log_optimum(stream, place)
+                if place:  # the first one shows the text of all
+                    log_text(stream, optimum_text(self.scene, optima, place, self._count))
+                motions.log_whole(stream, [optimum.point])
         self._layout.log(stream)
 
     def _log_cursors(self, stream: rr.RecordingStream, instant: float) -> None:
         for chart in self._charts:
             chart.log_cursor(stream, instant)
 
-    def _log_end(self, stream: rr.RecordingStream, end: PlanEnd) -> None:
-        set_times(stream, **self._end_times(self.messages[-1].number + 1 if self.messages else 0))
-        count, scene, nearest = len(self._panel.starts), self.scene, end.least_violating
-        self._panel.log_until(stream, count, ended=True)
-        if nearest is None:
-            words = plan_end_text(scene, end, self._lasts[0] if self._lasts else 0, count)
-        else:
-            words = infeasible_text((scene.name,), (scene.unit,), nearest, scene.workcell, "No feasible motion")
-        log_text(stream, words)
-        if end.optima:
-            values = [float(each.point.objectives[0]) for each in end.optima]
-            stream.log("search/optima", rr.AnyValues(objective=values))
-        self._log_cursors(stream, float(len(self.messages) - 1))
-        if self._motions is not None:
-            self._motions.log_whole(stream, self._best)
-
     def _end_times(self, level: int) -> dict[str, float]:
         """Return a level's time that is also the end of ``replay`` and the beginning of ``motion`` and ``optimum``."""
         return {"level": level, "replay": self._clock.end, "motion": 0.0} | ({"optimum": 0} if self._count > 1 else {})
-
-    def _log_motions(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
-        """Move the best arms, then show starts and optima one by one."""
-        stream.reset_time()
-        for point in self._best:
-            motions.send_motion(stream, point)
-        slots = [(float(self._clock.begins[place]), points) for place, points in enumerate(self._bests)]
-        motions.send_replay(stream, [*slots, (self._clock.end, self._best)])
-        for number, level, row, points in self._walk:  # a start, and next to it its result
-            set_times(stream, start=number)
-            self._panel.log_until(stream, number, looked_at=number)
-            log_text(stream, start_text(self.scene, level, row))
-            self._log_cursors(stream, float(self._instants[number - 1]))
-            motions.log_whole(stream, points)
-        optima = () if self.end is None or self._count < 2 else self.end.optima[: DRAWING.walk]
-        for place, optimum in enumerate(optima):
-            set_times(stream, optimum=place)
-            self._panel.log_optimum(stream, place)
-            if place:  # the first one shows the text of all
-                log_text(stream, optimum_text(self.scene, optima, place, self._count))
-            motions.log_whole(stream, [optimum.point])
 
     @cached_property
     def _panel(self) -> PlanPanel:

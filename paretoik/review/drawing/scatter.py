@@ -157,10 +157,6 @@ class Scatter:
         """Return how many points at least one panel does not show; 0 without panels."""
         return int((~np.all([panel.shows(F) for panel in self.panels], axis=0)).sum()) if self.panels else 0
 
-    def shows_any(self, F: Objectives) -> bool:
-        """Return whether any panel shows any of the points."""
-        return any(panel.shows(F).any() for panel in self.panels)
-
     def view(self) -> rrb.View | None:
         """Return the view of all pairs; None if nothing finite is shown."""
         if not self.panels:

@@ -93,17 +93,6 @@ def name_place(
     return freest_place(places_between(half, size - half, NAMES.grid), half, mark, taken, NAMES.gap)[0]
 
 
-def draw_obstacles(axes: Axes, motion: Any) -> None:
-    """Draw the obstacles of a single `motion`; in space, unbounded ones have the arm's height."""
-    if motion.arm.is_planar:
-        for line in obstacle_lines(motion.obstacles, None):
-            axes.fill(*line.T, facecolor=PAPER.quiet, alpha=0.5, linewidth=0.0)
-        return
-    height = (min(0.0, float(motion.links[..., 2].min())), float(motion.links[..., 2].max()))
-    for wire in obstacle_lines(motion.obstacles, height):
-        axes.plot(*wire.T, color=PAPER.quiet, linewidth=0.6, alpha=0.8)
-
-
 # Pictures of a front and its motions.
 
 
@@ -219,8 +208,14 @@ def draw_jumps(axes: Axes, front: Front) -> None:
 
 def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> None:
     """Draw a single `motion`: its obstacles, some postures, later ones darker, and its tool path."""
-    draw_obstacles(axes, motion)
     size = 2 if motion.arm.is_planar else 3
+    if size == 2:
+        for line in obstacle_lines(motion.obstacles, None):
+            axes.fill(*line.T, facecolor=PAPER.quiet, alpha=0.5, linewidth=0.0)
+    else:  # unbounded obstacles have the arm's height
+        height = (min(0.0, float(motion.links[..., 2].min())), float(motion.links[..., 2].max()))
+        for wire in obstacle_lines(motion.obstacles, height):
+            axes.plot(*wire.T, color=PAPER.quiet, linewidth=0.6, alpha=0.8)
     links, tool = motion.links[..., :size], motion.tool[..., :size]
     picked = even_rows(len(links), PAPER.postures)
     for place, sample in enumerate(picked):
@@ -367,25 +362,20 @@ def comparison_picture(comparison: Comparison, file: Path | str) -> None:
                 for front, style in zip(fronts, styles, strict=True):
                     x, y = front.objectives[:, [i, j]].T
                     axes.plot(x, y, linestyle="none", markersize=4, markeredgewidth=0, alpha=0.75, **style)
-                if n_obj == 2:
-                    _draw_attainment(axes, comparison)
+                # The surfaces that one, half and all runs of a label attain: borders of the dominated region.
+                sign, every = np.where(first.maximised, -1.0, 1.0), np.concatenate([each.objectives for each in fronts])
+                window = np.array([np.ptp(each) * 0.06 for each in every.T])
+                edges = np.concatenate([each.minimised for each in fronts]).max(axis=0) + window
+                for name in comparison.runs if n_obj == 2 else ():
+                    style = {"color": PAPER.accent(order.index(name)), "linewidth": 1.1, "zorder": 1}
+                    for (words, surface), line in zip(comparison.surfaces(name).items(), (":", "-", "--"), strict=True):
+                        points = (surface * sign)[np.argsort((surface * sign)[:, 0], kind="stable")]
+                        x = np.repeat([*points[:, 0], edges[0]], 2)[:-1]
+                        y = np.repeat([edges[1], *points[:, 1]], 2)[1:]
+                        said = f"{name}: {words} attainment"
+                        axes.plot(x * sign[0], y * sign[1], label=said, linestyle=line, **style)
                 axes.set(xlabel=label(first, i), ylabel=label(first, j))
                 axes.locator_params(nbins=5)
                 axes.margins(0.06)
         handles, names = figure.axes[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
-
-
-def _draw_attainment(axes: Axes, comparison: Comparison) -> None:
-    """Draw the surfaces that one, half and all runs of a label attain: borders of the dominated region."""
-    fronts = comparison.fronts
-    window = np.array([np.ptp(each) * 0.06 for each in np.concatenate([front.objectives for front in fronts]).T])
-    ends = np.concatenate([front.minimised for front in fronts]).max(axis=0) + window
-    sign = np.where(fronts[0].maximised, -1.0, 1.0)
-    for name in comparison.runs:
-        colour = PAPER.accent(list(comparison.groups).index(name))
-        for (words, surface), line in zip(comparison.surfaces(name).items(), (":", "-", "--"), strict=True):
-            points = (surface * sign)[np.argsort((surface * sign)[:, 0], kind="stable")]
-            x, y = np.repeat([*points[:, 0], ends[0]], 2)[:-1], np.repeat([ends[1], *points[:, 1]], 2)[1:]
-            style: Any = {"linestyle": line, "color": colour, "linewidth": 1.1, "zorder": 1}
-            axes.plot(x * sign[0], y * sign[1], label=f"{name}: {words} attainment", **style)

@@ -75,14 +75,6 @@ def workcell_of(problem: Any) -> Workcell | None:
     )
 
 
-def workcell_of_front(front: Front) -> Workcell | None:
-    """Return the workcell of a front's problem, or only its arm without a problem; None without an arm."""
-    cell = workcell_of(front.problem)
-    if cell is None and isinstance(front.motions, Motion):
-        return Workcell(arm=front.motions.arm)
-    return cell
-
-
 def in_space(points: np.ndarray) -> np.ndarray:
     """Return points (..., 2 or 3) with all three coordinates."""
     padding = [(0, 0)] * (points.ndim - 1) + [(0, 3 - points.shape[-1])]

@@ -42,6 +42,7 @@ from paretoik.errors import warn_user
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.choice import Choice
 from paretoik.front.front import Front
+from paretoik.inputs import first_line
 from paretoik.review.palette import screen_label
 from paretoik.review.recording.messages import (
     LeastViolating,
@@ -235,7 +236,7 @@ def cause_of(fault: BaseException) -> str:
     """Return the cause of an error in one line."""
     if isinstance(fault, OSError) and fault.strerror:
         return fault.strerror
-    return (str(fault).splitlines() or [type(fault).__name__])[0]
+    return first_line(fault)
 
 
 Population: TypeAlias = Float[np.ndarray, "individuals n_obj"]

@@ -20,9 +20,8 @@ import pyarrow.parquet as pq
 
 import paretoik as pk
 from paretoik.formulations.protocol import at_samples_of
-from paretoik.front.storage import array_bytes
 from paretoik.robot.kinematics import jacobian
-from paretoik.runs.files import RUN, result_files
+from paretoik.runs.files import RUN, array_bytes, result_files
 from paretoik.runs.fingerprint import fingerprint
 from paretoik.task.motion_task import finer_motion
 from studies.benchmarks.reliability.good_runs import ARM, KINDS, LIMITS, make_run, tracking

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from paretoik.review.drawing.loop_drawing import StepScene
+from paretoik.review.drawing.step_drawing import StepScene
 from paretoik.review.palette import MARKS, SCREEN
 from paretoik.review.recording.recorder import SearchedFront, SearchedStep
 from tests.review.conftest import swinging_arm
