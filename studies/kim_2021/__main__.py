@@ -13,9 +13,9 @@ import numpy as np
 
 from paretoik.runs.distribution import Executor
 from studies.kim_2021.energies import posture_rows, postures, table_4
-from studies.kim_2021.fronts import MECHANISMS, drawn_fronts, race_fronts, race_rows, time_energy, time_energy_rows
+from studies.kim_2021.fronts import MECHANISMS, race_fronts, race_rows, time_energy, time_energy_rows
 from studies.kim_2021.maxima import all_surrogates, polygon_rows, polygons, surrogate_rows
-from studies.kim_2021.one_posture import all_cases, drawn_postures, one_posture_rows
+from studies.kim_2021.one_posture import all_cases, one_posture_rows
 from studies.kim_2021.pictures import draw
 from studies.kim_2021.racing import many_starts, polygon_race, step_race
 from studies.kim_2021.trajectories import cheating, figure_8, trajectory
@@ -95,8 +95,7 @@ def run_study(effort: Effort, folder: Path, executor: Executor | None = None) ->
     tell("times of maxima and steps")
     rows += polygon_race(rounds=effort.rounds)
     rows += [row for one in trajectories.values() for row in step_race(one, steps=effort.steps)]
-    pictures = draw(folder, corners, trajectories, ways)
-    return rows, [*pictures, drawn_postures(folder, shared), drawn_fronts(folder, fronts)]
+    return rows, draw(folder, corners, trajectories, ways)
 
 
 def _calls(function: Callable[[Any], Result], arguments: Mapping[str, Any]) -> dict[tuple[str], Callable[[], Result]]:

@@ -7,9 +7,8 @@ Sliders need time to reach their places, which maxima of an instant do not count
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
@@ -20,13 +19,12 @@ import paretoik as pk
 from paretoik.capability.point_to_point_program import minimum_timing
 from paretoik.nlp.minimise import minimise
 from paretoik.pareto.scalarisation import COLD_OPTIONS as COLD
-from paretoik.review.palette import PAPER
 from paretoik.robot import kinematics
 from problems.kim_2021 import START, TARGET
 from studies.kim_2021.ipopt_programs import motion_program
 from studies.kim_2021.maxima import ENERGY_UNPRINTED
 from studies.kim_2021.maxima import paper as printed
-from studies.reporting import Row, drawing
+from studies.reporting import Row
 
 MECHANISMS: dict[str, Callable[[], pk.capability.JointActuation | pk.capability.DistributedActuation]] = {
     "JAM": pk.capability.kim_joint_motors,
@@ -180,21 +178,3 @@ def _instant(problem: pk.PointToPoint, genes: np.ndarray) -> float:
             if np.linalg.norm(step) > 0
         )
     )
-
-
-def drawn_fronts(folder: Path, fronts: Sequence[TimeEnergy]) -> Path:
-    """Draw all fronts and the paper's two points into one picture, and return the file."""
-    file = folder / "time_energy.png"
-    with drawing(file, (6.4, 4.2)) as figure:
-        axes = figure.subplots()
-        for one, colour in zip(fronts, (PAPER.accents[1], PAPER.accents[0], PAPER.quiet), strict=True):
-            rows = one.front.objectives
-            axes.plot(rows[:, 0], 1e3 * rows[:, 1], ".-", color=colour, linewidth=1.2, label=one.name)
-        for mechanism, colour in (("JAM", PAPER.accents[1]), ("DAM", PAPER.accents[0])):
-            numbers = printed()
-            place = numbers["Figure 8", mechanism, "arrival"], numbers["Table 4", mechanism, "total"]
-            axes.plot(*place, "x", color=colour, markersize=8, label=f"{mechanism}, the paper")
-        axes.set_xlabel("duration [s]")
-        axes.set_ylabel("work of all motors [mJ]")
-        axes.legend(frameon=False)
-    return file

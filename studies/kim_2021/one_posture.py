@@ -7,9 +7,7 @@ gradients.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -17,15 +15,13 @@ from jaxtyping import Float
 
 import paretoik as pk
 from paretoik.capability.joint_capability import Quantity
-from paretoik.review.palette import PAPER
-from paretoik.review.pictures.fronts import label
 from paretoik.runs.distribution import Executor
 from problems.kim_2021 import PLACE, WAYS
 from studies.kim_2021.ipopt_programs import posture_program
 from studies.kim_2021.maxima import MECHANISMS, actuation_of
 from studies.kim_2021.racing import SAME
 from studies.processes import run_each
-from studies.reporting import Row, drawing
+from studies.reporting import Row
 
 TABLE = "one posture for two directions, at p6"
 CASES: dict[str, tuple[tuple[tuple[float, float], ...], tuple[Quantity, ...]]] = {
@@ -95,27 +91,3 @@ def all_cases(points: int, *, executor: Executor | None = None) -> list[OnePostu
     """Return all cases of both mechanisms."""
     front = partial(one_posture, points=points)
     return list(run_each(executor, {(m, case): partial(front, m, case) for m in MECHANISMS for case in CASES}).values())
-
-
-def drawn_postures(folder: Path, fronts: Sequence[OnePosture]) -> Path:
-    """Draw all fronts, and the postures that keep most of both maxima, into one picture, and return the file."""
-    file = folder / "one_posture.png"
-    with drawing(file, (9.0, 5.6)) as figure:
-        panels = figure.subplots(2, len(CASES))
-        for k, one in enumerate(fronts):
-            values, colour = one.front.objectives, PAPER.accents[1 if one.name.startswith("JAM") else 0]
-            above, below = panels[:, k % len(CASES)]
-            best = int((values / one.maxima).min(axis=1).argmax())
-            above.plot(*values.T, ".-", color=colour, linewidth=1.0, label=one.name[:3])
-            above.plot(*values[best], "o", color=colour, markersize=8)
-            above.set_title(one.name[5:])
-            above.set_xlabel(label(one.front, 0))
-            above.set_ylabel(label(one.front, 1))
-            motions = one.front.motions
-            assert motions is not None
-            below.plot(*1e3 * motions[best].links[0, :, :2].T, "o-", color=colour, markerfacecolor="white")
-            below.set_aspect("equal")
-            below.set_xlabel("x [mm]")
-            below.set_ylabel("y [mm]")
-        panels[0, 0].legend(frameon=False)
-    return file

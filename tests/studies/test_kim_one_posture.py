@@ -8,7 +8,7 @@ import pytest
 from problems.kim_2021 import PLACE
 from studies.kim_2021.ipopt_programs import posture_program
 from studies.kim_2021.maxima import MECHANISMS
-from studies.kim_2021.one_posture import CASES, NEAR, drawn_postures, one_posture, one_posture_rows
+from studies.kim_2021.one_posture import CASES, NEAR, one_posture, one_posture_rows
 
 
 @pytest.fixture(scope="module", params=[(mechanism, case) for mechanism in MECHANISMS for case in CASES])
@@ -41,8 +41,3 @@ def test_ipopt_gains_from_points_that_are_not_optimal(found):
     assert np.isfinite(ends).any()
     assert np.nanmax(ends / values[:, 1]) > 1.01
     assert np.nanmax(ends) <= found.maxima[1] * (1 + 1e-6)
-
-
-def test_fronts_and_postures_are_drawn(tmp_path):
-    found = [one_posture("JAM", case, points=2) for case in CASES]
-    assert drawn_postures(tmp_path, found).stat().st_size > 10_000
