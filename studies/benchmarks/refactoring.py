@@ -1,15 +1,14 @@
 """Costs and gains by a change of the library.
 
-    python -m studies.benchmarks.refactoring --before DIR [--cases NAME ...] [--rounds N] [--json FILE]
-
 Every case runs on another checkout and on this one, in alternating processes. The first run of a process, which
-compiles, is not counted; of the others the least processor time counts. A worse value is a loss, and so is more than
-1.05 times the seconds. Smaller values are better unless they are named in ``MAXIMISED``.
+compiles, is not counted; of the others the least processor time counts. ``--cold`` counts only the first, with imports,
+each with empty caches. A worse value is a loss, and so is more than 1.05 times the seconds. Smaller values are better
+unless they are named in ``MAXIMISED``.
 """
 
 from __future__ import annotations
 
-import argparse
+import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,10 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
 from studies.benchmarks.checkouts import ROOT, run_in
-from studies.reporting import LOSS, Row, goal_row, losses_first, report
+from studies.reporting import LOSS, Row, goal_row, losses_first, report, study_parser, tell
 
 TABLE = "this checkout beside the one before"
 GOAL = 1.05  # times the seconds before
@@ -55,8 +53,8 @@ def measure(front, ideal, nadir):
 directions = np.stack([np.cos(np.arange(16) * np.pi / 8), np.sin(np.arange(16) * np.pi / 8)], axis=1)
 """
 TIMED = """
-run()
-seconds = []
+values = run()
+seconds = [time.process_time()] if {repeats} == 0 else []
 for _ in range({repeats}):
     begin = time.process_time()
     values = run()
@@ -201,12 +199,16 @@ def run():
 }
 
 
-def run_case(case: Case, checkouts: Mapping[str, Path], caches: Path, rounds: int) -> dict[str, dict[str, Any]]:
+def run_case(
+    case: Case, checkouts: Mapping[str, Path], caches: Path, rounds: int, *, cold: bool = False
+) -> dict[str, dict[str, Any]]:
     """Return ``seconds`` of all rounds and the last ``values`` by name of every checkout; processes alternate."""
-    code = SHARED + case.code + TIMED.format(repeats=case.repeats)
+    code = SHARED + case.code + TIMED.format(repeats=0 if cold else case.repeats)
     results: dict[str, dict[str, Any]] = {name: {"seconds": []} for name in checkouts}
     for _ in range(rounds):
         for name, checkout in checkouts.items():
+            if cold:
+                shutil.rmtree(caches / name, ignore_errors=True)
             result = run_in(checkout, code, cache=caches / name, threads=1)
             results[name]["seconds"].append(result["seconds"])
             results[name]["values"] = result["values"]
@@ -236,19 +238,19 @@ def tabulate(name: str, case: Case, results: Mapping[str, Mapping[str, Any]]) ->
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the cases, print the table, losses first, and write the rows if ``--json`` names a file."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = study_parser(__doc__ or "")
     parser.add_argument("--before", type=Path, required=True, help="the other checkout")
     parser.add_argument("--cases", nargs="+", choices=list(CASES), metavar="NAME", help="only these")
     parser.add_argument("--rounds", type=int, default=2, help="processes of each checkout per case")
-    parser.add_argument("--json", type=Path, help="file to write the rows to")
+    parser.add_argument("--cold", action="store_true", help="first results with empty caches of compiled code")
     settings = parser.parse_args(arguments)
     checkouts = {"before": settings.before.resolve(), "now": ROOT}
-    console, rows = Console(stderr=True), []
+    rows = list[Row]()
     with tempfile.TemporaryDirectory() as caches:
         for name in settings.cases or CASES:
-            console.print(name, markup=False)
+            tell(name)
             try:
-                results = run_case(CASES[name], checkouts, Path(caches), settings.rounds)
+                results = run_case(CASES[name], checkouts, Path(caches), settings.rounds, cold=settings.cold)
             except RuntimeError as error:
                 rows.append(Row(TABLE, name, "failed", "", np.nan, note=f"{LOSS}{error}"))
             else:
