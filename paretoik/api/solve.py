@@ -274,8 +274,8 @@ class FrontSearch:
         self._motions, self._hypervolume = GenerationMotions(self.search), HypervolumeCurve()
         # In strict JSON an infinite number is text.
         wished = None if target is None else [float(each) if np.isfinite(each) else str(each) for each in target]
-        kind = None if given.algorithm is None else type(given.algorithm).__name__
-        stored = {"initial": given.initial is not None, "algorithm": kind, "target": wished}
+        algorithm = None if given.algorithm is None else type(given.algorithm).__name__
+        stored = {"initial": given.initial is not None, "algorithm": algorithm, "target": wished}
         names = [each.name for each in fields(given) if each.name not in NOT_STORED]
         self.settings = {name: getattr(given, name) for name in names} | stored
 

@@ -188,23 +188,8 @@ def distance_components(obstacle: Obstacle, start: Components, end: Components) 
         first, last = ([_dot(axis, _minus(points, position)) for axis in axes] for points in (start, end))
         return _segment_to_box(first, last, obstacle.half_sizes)
     if isinstance(obstacle, Capsule):
-        # The distance of two segments: the nearest point is an end of one of them, or both nearest points of the two
-        # lines are within the segments.
-        first, last = _components(obstacle.start[None]), _components(obstacle.end[None])
-        step, along, offset = _minus(end, start), _minus(last, first), _minus(first, start)
-        normal = _cross(step, along)  # products with the normal stay accurate for nearly parallel segments
-        size = _dot(normal, normal)
-        fraction = _fraction(_dot(_cross(offset, along), normal), size)
-        other = _fraction(_dot(_cross(offset, step), normal), size)
-        distances = [
-            _length([r + other * e - fraction * d for r, d, e in zip(offset, step, along, strict=True)]),
-            _point_to_segment(start, first, last),
-            _point_to_segment(end, first, last),
-            _point_to_segment(first, start, end),
-            _point_to_segment(last, start, end),
-        ]
-        smallest: np.ndarray = reduce(np.minimum, distances)
-        return smallest - obstacle.radius
+        axis = _components(obstacle.start[None]), _components(obstacle.end[None])
+        return _between_segments(start, end, *axis) - obstacle.radius
     center = _components(obstacle.center[None])
     return _point_to_segment(center, start[: len(center)], end[: len(center)]) - obstacle.radius
 
@@ -214,6 +199,27 @@ def _point_to_segment(point: Components, start: Components, end: Components) -> 
     offset = _minus(point, start)
     fraction = _fraction(_dot(offset, step), _dot(step, step))
     return _length([r - fraction * d for r, d in zip(offset, step, strict=True)])
+
+
+def _between_segments(start: Components, end: Components, other_start: Components, other_end: Components) -> Numbers:
+    """Return the distance of two segments.
+
+    The nearest point is an end of one segment, or both nearest points of the two lines are within the segments.
+    """
+    step, other_step, offset = _minus(end, start), _minus(other_end, other_start), _minus(other_start, start)
+    normal = _cross(step, other_step)  # products with the normal stay accurate for nearly parallel segments
+    size = _dot(normal, normal)
+    fraction = _fraction(_dot(_cross(offset, other_step), normal), size)
+    other_fraction = _fraction(_dot(_cross(offset, step), normal), size)
+    distances = [
+        _length([r + other_fraction * e - fraction * d for r, d, e in zip(offset, step, other_step, strict=True)]),
+        _point_to_segment(start, other_start, other_end),
+        _point_to_segment(end, other_start, other_end),
+        _point_to_segment(other_start, start, end),
+        _point_to_segment(other_end, start, end),
+    ]
+    smallest: np.ndarray = reduce(np.minimum, distances)
+    return smallest
 
 
 def _segment_to_box(start: Components, end: Components, half_sizes: np.ndarray) -> Numbers:
