@@ -51,7 +51,7 @@ def test_the_problem_of_the_problems_readme_can_be_solved(tmp_path):
 def test_where_the_papers_are_is_where_the_studies_say():
     """In lines ``file``: ``name``, ``name`` the file is there and defines the names."""
     readme = (ROOT / "studies" / "README.md").read_text(encoding="utf-8")
-    places = re.findall(r"`([\w/]+\.py)`((?:(?:: |, )`\w+`)*)", readme.partition("## Where the papers are")[2])
+    places = re.findall(r"`([\w/]+\.py)`((?:(?:: |, )`\w+`)*)", readme.partition("## Places of the papers")[2])
     assert len(places) > 50
     for file, names in places:
         code = (ROOT / file).read_text(encoding="utf-8")

@@ -299,7 +299,7 @@ def run_all(chosen: Sequence[Case], seeds: int, folder: Path | None = None, *, c
         return run_seeds(executor, run_once, arguments, seeds, limit=LIMIT, empty=empty, load=load, save=save)
 
 
-TABLE = "{} beside its peers, medians (hypervolume: more is better; IGD+, epsilon: less)"
+TABLE = "{} compared with its peers, medians (hypervolume: more is better; IGD+, epsilon: less)"
 COUNTED = "wins and losses of {} over problems and indicators"
 GOALS = "goals"
 COST = "median CPU time of a run, at equal evaluations"

@@ -20,7 +20,7 @@ import numpy as np
 from studies.benchmarks.checkouts import ROOT, run_in
 from studies.reporting import LOSS, Row, goal_row, losses_first, report, study_parser, tell
 
-TABLE = "this checkout beside the one before"
+TABLE = "this checkout compared with the one before"
 GOAL = 1.05  # times the seconds before
 VALUE_TOLERANCE = 1e-9  # relative
 MAXIMISED = ("hypervolume", "sum of speeds")

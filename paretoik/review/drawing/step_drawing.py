@@ -365,7 +365,7 @@ class StepScene:
             ("its arm", SCREEN.arm, True),
             ("arms of the front", SCREEN.ghost, self._shows_arms),
             ("path to follow", SCREEN.target, cell.paths),
-            ("where the tool is to be", SCREEN.path, True),
+            ("target of the tool", SCREEN.path, True),
             ("obstacle", SCREEN.obstacle, cell.obstacles),
         )
         return Legend(entity=f"{self._root}/legend", entries=entries)

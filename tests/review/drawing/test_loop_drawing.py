@@ -85,7 +85,7 @@ def test_the_target_of_the_tool_is_visible_around_a_tool_at_the_target(tmp_path)
     radii = np.linalg.norm(np.array(ring) - middle, axis=1)
     np.testing.assert_allclose(radii, MARKS.target_ring, rtol=1e-3)
     assert MARKS.target_ring - 1.2 > 1.875 * MARKS.solid_arm  # the radius of the tool
-    assert ("where the tool is to be", SCREEN.path) in scene._legend.entries
+    assert ("target of the tool", SCREEN.path) in scene._legend.entries
     assert "path to follow" not in legend(entities)  # there is none
 
 
