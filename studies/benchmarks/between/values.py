@@ -2,7 +2,7 @@
 
     python -m studies.benchmarks.between.values [--quick] [--cases N] [--seed N] [--json FILE]
 
-Random arms on lines and circles, without limits on acceleration, ends free; small fronts are searched and 40 points of
+Random arms on lines and circles, without limits on acceleration, ends free; small fronts are searched and 10 points of
 each refined. "true" is a value on a grid 200 times finer, by differences of ``at(t)``. "stated" is the largest error of
 the refined points' values, a share of the value; "before" is the same for the spline before its projection. "velocity"
 is the distance of ``motion.dq`` from ``motion.state`` at samples, a share of its range. "gain" is the least by which
@@ -29,7 +29,7 @@ from studies.reporting import Row, goal_row, report, study_parser, tell
 FINER = 200
 GOAL, AGREEMENT = 0.1, 1e-6  # % of a value; share of a range
 CASES, QUICK_CASES, SAMPLES = 20, 3, (15, 25, 41)
-POINTS = 40  # of a front that are refined, at most
+POINTS = 10  # of a front that are refined, at most; 40 take a day of processor time
 OTHERS = (pk.peak_torque, pk.joint_travel, pk.mechanical_energy)
 
 
