@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -121,7 +121,7 @@ def joined_labels(
     return labels(words, np.concatenate(places), colour), flat_lines(joins, colour, 0.6, 3.8)
 
 
-def line_points(ends: Float[np.ndarray, "lines 2 2"]) -> Points:
+def line_points(lines: Iterable[Float[np.ndarray, "2 2"]]) -> Points:
     """Return points along lines [pixels], so close that no label fits between two of them."""
     shares = np.linspace(0.0, 1.0, MARKS.line_points)[:, None]
-    return np.concatenate([np.zeros((0, 2)), *(start + shares * (end - start) for start, end in ends)])
+    return np.concatenate([np.zeros((0, 2)), *(start + shares * (end - start) for start, end in lines)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik.review.drawing.axes import TEXT, Canvas, equal_window, nice_ticks, text_width, window
@@ -12,6 +12,7 @@ from tests.review.reading import drawn_labels
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(2, 8))
+@settings(max_examples=40)
 def test_ticks_are_even_round_and_inside(low, span, count):
     high = low + span
     ticks = nice_ticks(low, high, count=count)
@@ -26,6 +27,7 @@ def test_ticks_are_even_round_and_inside(low, span, count):
 
 
 @given(st.lists(st.tuples(st.floats(-1e9, 1e9), st.floats(-1e9, 1e9)), min_size=1, max_size=8))
+@settings(max_examples=40)
 def test_a_window_shows_all_its_points(points):
     points = np.array(points)
     low, high = window(points)
@@ -53,6 +55,7 @@ def test_an_equal_window_keeps_shapes():
 
 
 @given(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4), st.floats(0.01, 1e3), st.floats(0.01, 1e3))
+@settings(max_examples=40)
 def test_no_label_of_a_tick_covers_another(left, bottom, across, upwards):
     low = np.array([left, bottom])
     canvas = Canvas(low=low, high=low + np.array([across, upwards]), labels=("x", "y"), width=430.0, height=130.0)

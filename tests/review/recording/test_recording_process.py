@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import paretoik as pk
 from paretoik.front.front import Front
 from paretoik.review.recording.recorder import Generation, Recorder, RecorderOptions, SearchedFront, SearchEnd
 from paretoik.runs.machine import child_command
@@ -101,6 +102,19 @@ def test_a_recording_without_an_end_is_completed_with_what_it_has(tmp_path):
     started.close()
     started.close()
     assert sorted(fronts(tmp_path / "review.rrd")) == [0, 1, 2, 3]
+
+
+IMPORTS = """
+import sys
+import paretoik.front.storage, paretoik.runs.folder
+import paretoik.review.recording.recorder
+print(sorted({"rerun", "matplotlib", "pymoo", "pyarrow", "moocore"} & set(sys.modules)))
+"""
+
+
+def test_nothing_heavy_is_imported_before_it_is_used():
+    ended = subprocess.run([sys.executable, "-c", IMPORTS], capture_output=True, text=True, check=True)
+    assert ended.stdout == "[]\n"
 
 
 PROBE = """
@@ -265,6 +279,22 @@ def test_an_undrawable_message_gives_a_warning_and_recorded_data_stay(tmp_path):
         started.close()
     assert len(warned) == 1
     assert 0 in fronts(tmp_path / "review.rrd")  # the last drawing without it
+
+
+def test_a_plan_whose_recording_fails_is_complete(tmp_path):
+    path = pk.line([0.6, -0.1], [0.4, 0.4], duration=1.0, samples=11)
+    problem = pk.Tracking(pk.Arm.planar(lengths=[0.3, 0.3, 0.25]), path, objectives=[pk.joint_travel])
+
+    def kill(progress) -> None:
+        if progress.stage == "sample":
+            for child in children(os.getpid()):
+                os.kill(child, signal.SIGKILL)
+
+    with pytest.warns(RuntimeWarning, match="recording stopped, the run continues"):
+        found = pk.plan(problem, starts=2, out=tmp_path, observe=kill)
+    again, alone = pk.load_plan(tmp_path, problem), pk.plan(problem, starts=2, observe=False)
+    for other in (again, alone):
+        assert [each.objective for each in other.optima] == [each.objective for each in found.optima]
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only the superuser mounts a disk")
