@@ -55,9 +55,6 @@ def half_size(words: str) -> Point:
     return LABEL.reserve * plate_half(words)
 
 
-DrawnLabels: TypeAlias = tuple[rr.Points2D, rr.LineStrips2D]  # words, and the lines from them to their marks
-
-
 def label_place(
     canvas: Canvas, mark: Point, words: str, others: Points, lines: Lines = NO_LINES, *, is_joined: bool = True
 ) -> Point:
@@ -109,8 +106,8 @@ def label_lines(mark: Point, middle: Point, words: str) -> Lines:
 
 def joined_labels(
     marks: Points | Sequence[Point], middles: Sequence[Point], words: Sequence[str], colour: Colour
-) -> DrawnLabels:
-    """Return the labels of ``marks`` around their ``middles``, with lines to distant labels."""
+) -> tuple[rr.Points2D, rr.LineStrips2D]:
+    """Return the labels of ``marks`` around their ``middles``, and lines to distant labels."""
     joins, places = list[Points](), [np.zeros((0, 2))]
     for mark, middle, each in zip(marks, middles, words, strict=True):
         half, within = half_size(each), plate_half(each) - MARKS.overlap

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 import rerun as rr
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -78,17 +77,6 @@ def test_a_label_is_next_to_its_mark_or_a_line_joins_them(mark, others):
     for start, end in strips:
         np.testing.assert_allclose(start, mark, atol=1e-3)
         assert (np.abs(np.array(end) - middle) <= half + 1e-3).all()
-
-
-PLATES = {  # width and height in pictures of the viewer [pixels]
-    "point 2293": (75.0, 23.0),
-    "best kinetic_energy\nbest joint_limit_distance": (150.5, 38.0),
-}
-
-
-@pytest.mark.parametrize("words", PLATES)
-def test_a_plate_is_as_large_as_the_viewer_draws_it(words):
-    np.testing.assert_allclose(2 * plate_half(words), PLATES[words], atol=2.0)
 
 
 def test_best_points_that_coincide_are_rings_around_each_other_with_both_names(tmp_path):

@@ -20,8 +20,6 @@ from paretoik.errors import InvalidInput
 from paretoik.front.comparison import Comparison
 from paretoik.front.front import Front
 from paretoik.front.preferences import Weights
-from paretoik.front.preferences.compromise import compromise
-from paretoik.review.palette import PAPER
 from paretoik.review.pictures.certificates import certificates_picture
 from paretoik.review.pictures.fronts import (
     NAMES,
@@ -59,25 +57,6 @@ def test_the_extremes_and_the_choice_are_shown(make_front):
     choice = front.select(Weights({front.names[0]: 1.0, front.names[1]: 1.0}))
     shown = {point.index: point.reason for point in highlighted(front, choice)}
     assert shown == {0: "best kinetic_energy", choice.index: "chosen", len(front) - 1: "best torque_norm"}
-
-
-def test_without_a_choice_a_compromise_is_shown(make_front):
-    front = make_front(2)
-    shown = {point.reason: point.index for point in highlighted(front, None)}
-    assert shown["compromise"] == compromise(front).index
-
-
-@pytest.mark.parametrize("planar", [True, False])
-def test_a_stroboscopic_view_draws_postures_and_the_way_of_the_tool(planar, make_front):
-    figure = Figure()
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot(projection=None if planar else "3d")
-    motion = make_front(2, planar=planar).motions[0]
-    stroboscopic(axes, motion)
-    assert len(axes.lines) == PAPER.postures + 3
-    lines = [np.stack(line.get_data() if planar else line.get_data_3d(), axis=-1) for line in axes.lines]
-    np.testing.assert_array_equal(lines[0], motion.links[0][:, : 2 if planar else 3])
-    np.testing.assert_array_equal(lines[-2], motion.tool)
 
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path, make_front):

@@ -147,16 +147,6 @@ def test_an_arm_that_stands_still_has_the_postures_of_the_front_behind_it(planar
             np.testing.assert_allclose(ghosts, behind, rtol=1e-6, atol=1e-7)
 
 
-def test_points_are_drawn_in_their_places_on_the_axes(search):
-    front, _, _, entities = search(2)
-    (panel,) = [path for path in entities if path.endswith("/front") and path.startswith("/front/")]
-    drawn = rows(entities[panel], "motion", "positions")[0]
-    assert len(drawn) == len(front)
-    # More energy is farther right, more torque is farther up, which is a smaller second coordinate.
-    assert (np.diff(drawn[:, 0]) > 0).all()
-    assert np.corrcoef(drawn[:, 1], front.objectives[:, 1])[0, 1] < -0.999999
-
-
 def test_points_are_named_by_their_ids_and_the_chosen_one_openly(search):
     front, choice, _, entities = search(3)
     chosen = [path for path in entities if path.startswith("/front/") and path.endswith("/chosen")]
@@ -178,12 +168,6 @@ def test_an_empty_front_is_recorded_as_such(tmp_path, make_front, make_generatio
     recorded(tmp_path / "review.rrd", front, generations)
     F = rows(read(tmp_path / "review.rrd")["/search/population"], "generation", "F")
     assert sorted(F) == [0, 1, 2, 3]
-
-
-def test_a_constant_objective_gets_axes_too(tmp_path, make_front):
-    front = make_front(2, points=1)
-    recorded(tmp_path / "review.rrd", front, [])
-    assert "/search/front" in read(tmp_path / "review.rrd")
 
 
 def test_a_failed_ending_keeps_the_recording_of_the_run(tmp_path, monkeypatch, make_front, make_generations):
