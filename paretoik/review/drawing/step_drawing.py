@@ -473,8 +473,8 @@ class LoopDrawing:
         if choice is not None:
             words.append(f"## The whole loop\n\n{screen_text(choice.reason)}")
         guide = [
-            f"- The search of step {step} has a tab, \u201csearch of step {step}\u201d, above the legend; the timelines "
-            "generation and individual move it and leave all else as it is."
+            f"- The search of step {step} has a tab, \u201csearch of step {step}\u201d, above the legend; the "
+            "timelines generation and individual move it and leave all else as it is."
             for step in (each.step.sample for each in self._searches)
         ]
         if opening:

@@ -140,7 +140,7 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
             _draw_front(figure, front, highlights)
             return
         grid: Any = {"nrows": 2} if many else {"ncols": 2, "width_ratios": [1.0, 2.0]}
-        trade_off, below = figure.subfigures(**grid)
+        trade_off, below = parts(figure, **grid)
         _draw_front(trade_off, front, highlights)
         titles = [(f"point {front.ids[point.index]}, {_text(point.reason)}", point.colour) for point in highlights]
         rows = [point.index for point in highlights]
@@ -178,6 +178,11 @@ def picture(file: Path | str, size: tuple[float, float]) -> Iterator[Figure]:
     # A palette takes a third of the space of true colours, without a visible difference.
     Image.open(pixels).convert("RGB").quantize(128).save(content, format="png", optimize=True, pnginfo=mark)
     replace_file(Path(file), content.getvalue())
+
+
+def parts(figure: Figure, *grid: int, **settings: Any) -> Any:
+    """Return parts of a figure side by side, or one above the other."""
+    return figure.subfigures(*grid, **settings)
 
 
 def label(front: Front, axis: int) -> str:

@@ -13,7 +13,7 @@ from paretoik.capability.directional import PerformancePolygon
 from paretoik.front.front import Front
 from paretoik.resolution.protocol import ResolvedMotion
 from paretoik.review.palette import PAPER, joint_units
-from paretoik.review.pictures.fronts import arm_axes, draw_motions, label, label_arm, picture, stroboscopic
+from paretoik.review.pictures.fronts import arm_axes, draw_motions, label, label_arm, parts, picture, stroboscopic
 from paretoik.review.recording.messages import PathEnd, PlannedLevel
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.limits import JOINT_UNITS
@@ -25,7 +25,7 @@ def path_picture(path: PathEnd, file: Path | str) -> None:
     """Write a PNG of a tool path; raises InvalidInput if the file cannot be written."""
     planar = path.tool.shape[1] == 2
     with picture(file, (10.0, 3.6)) as figure:
-        place, curves = figure.subfigures(1, 2, width_ratios=[1.2, 1.0])
+        place, curves = parts(figure, 1, 2, width_ratios=[1.2, 1.0])
         axes = place.subplots(subplot_kw=arm_axes(planar=planar))
         if path.reference is not None:
             axes.plot(*path.reference.T, color=PAPER.quiet, linewidth=1.0, linestyle="--", label="reference")
@@ -45,7 +45,7 @@ def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path |
     """Write a PNG of a single motion; raises InvalidInput if the file cannot be written."""
     planar, traces = motion.arm.is_planar, motion.traces
     with picture(file, (11.0, 3.6)) as figure:
-        arm, joints, steps = figure.subfigures(1, 3, width_ratios=[1.2, 1.0, 1.0])
+        arm, joints, steps = parts(figure, 1, 3, width_ratios=[1.2, 1.0, 1.0])
         axes = arm.subplots(subplot_kw=arm_axes(planar=planar))
         stroboscopic(axes, motion)
         for task in motion.tasks:
@@ -112,7 +112,7 @@ def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Fro
     has their names and units. Raises InvalidInput if the file cannot be written.
     """
     with picture(file, (11.0, 3.6)) as figure:
-        arm, joints, chosen = figure.subfigures(1, 3, width_ratios=[1.2, 1.0, 1.2])
+        arm, joints, chosen = parts(figure, 1, 3, width_ratios=[1.2, 1.0, 1.2])
         planar = motion.arm.is_planar
         axes = arm.subplots(subplot_kw=arm_axes(planar=planar))
         stroboscopic(axes, motion)
@@ -137,7 +137,7 @@ def plan_picture(plan: Plan, levels: Sequence[PlannedLevel], label: str, unit: s
     """
     optima, samples = plan.optima[: PAPER.motions], len(plan.best.motion.time)
     with picture(file, (11.0, 3.4)) as figure:
-        values, motions = figure.subfigures(1, 2, width_ratios=[1.0, 2.0])
+        values, motions = parts(figure, 1, 2, width_ratios=[1.0, 2.0])
         axes, dots = values.subplots(), {"linestyle": "none", "marker": "o"}
         for level in levels:
             of_starts, of_optima = (
