@@ -6,7 +6,7 @@ import base64
 import gzip
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache, cached_property
 from importlib.resources import files
@@ -167,11 +167,6 @@ class ReportPage:
     report: Report
     rows: Int[np.ndarray, " points"]
 
-    def render(self, room: int) -> str:
-        """Return the page with as many motions as fit into ``room`` bytes."""
-        order = np.searchsorted(np.sort(self.rows), self.rows)  # in the page's front
-        return self._render({} if self._motions is None else self._motions.blocks(order.tolist(), room))
-
     @cached_property
     def front(self) -> Front:
         """The points of the page in the order of the front."""
@@ -220,10 +215,12 @@ class ReportPage:
             "colours": {"accents": PAPER.accents, "quiet": PAPER.quiet, "ink": PAPER.ink, "grid": PAPER.grid},
         }
 
-    def _render(self, blocks: Mapping[int, str]) -> str:
-        """Return the page with the motions of some points, by their id."""
+    def render(self, room: int) -> str:
+        """Return the page with as many motions as fit into ``room`` bytes."""
         from jinja2 import Environment, StrictUndefined
 
+        order = np.searchsorted(np.sort(self.rows), self.rows)  # in the page's front
+        blocks = {} if self._motions is None else self._motions.blocks(order.tolist(), room)
         front, whole, certificates = self.front, self.report.front, self.front.certificates
         (bundle, packed), rows = plotly_bundle(), list[dict[str, Any]]()
         script, provenance = "\n".join(_page_file(name) for name in SCRIPTS), dict(whole.provenance)
