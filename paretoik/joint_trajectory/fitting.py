@@ -206,9 +206,8 @@ def fit_motion(
         guess = replace(scaling, periods=math.ceil(scaling.periods * max(factor, 1.0)))
         if _measure(motion, guess, controller)[1] is not None:
             shortest, advice = max(scaling.ramp, 1 / scaling.rate), ""
-            for ramp in (
-                each for each in OPTIONS.ramps if shortest <= each <= scaling.duration and each > scaling.ramp
-            ):
+            longer = [each for each in OPTIONS.ramps if shortest <= each <= scaling.duration and each > scaling.ramp]
+            for ramp in longer:
                 ramped = time_scaling(scaling.duration, scaling.rate, time_scale=max(scaling.factor, 1.0), ramp=ramp)
                 if not any(use.exceeded for use in _measure(motion, ramped, controller)[0] if use.quantity in ORDERS):
                     advice = f"ramp={ramp:g} (--ramp {ramp:g}) starts and stops it on the same curve, within the limits"

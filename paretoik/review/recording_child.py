@@ -21,11 +21,11 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -39,7 +39,6 @@ from paretoik.review.recording.messages import MaximaScene, PathScene, PlannedSc
 from paretoik.review.recording.recorder import (
     HEADER,
     OPTIONS,
-    Generation,
     Opening,
     SearchedFront,
     SearchEnd,
@@ -50,23 +49,8 @@ from paretoik.runs.file_replacement import replace_file
 # The file of a recording: when it is drawn, and what is kept of a run that may be long.
 
 
-class Drawing(Protocol):
-    """All kept messages of a run, its end (None if it has none), and a note on what was left out."""
-
-    def log(self, stream: rr.RecordingStream) -> None:
-        """Draw everything, on common axes."""
-
-
-def front_drawing(
-    scene: SearchedFront, messages: Sequence[Generation], end: SearchEnd | None, note: str
-) -> SearchDrawing | LoopDrawing:
-    """Return the drawing of a search, or of a closed loop; without an end the last generation is the end."""
-    kind = LoopDrawing if scene.timeline == "step" else SearchDrawing
-    return kind(scene=scene, messages=messages, end=SearchEnd(front=None) if end is None else end, note=note)
-
-
-DRAWINGS: dict[type, Callable[..., Drawing]] = {  # called with scene, messages, end and note
-    SearchedFront: front_drawing,
+DRAWINGS: dict[type, Any] = {  # by their scene; they have a scene, messages, an end and a note
+    SearchedFront: SearchDrawing,
     PlannedScene: PlanDrawing,
     ResolvedScene: ResolutionDrawing,
     MaximaScene: MaximaDrawing,
@@ -157,8 +141,10 @@ class RecordingFile:
                 kind, note = getattr(opening.scene, "timeline", "message"), ""
                 if self.dropped:
                     note = f"The run was long: {kept} of its {kept + self.dropped} {kind}s are kept here."
-                draw = DRAWINGS[type(opening.scene)]
-                draw(scene=opening.scene, messages=tuple(self._messages), end=end, note=note).log(stream)
+                drawing = LoopDrawing if kind == "step" else DRAWINGS[type(opening.scene)]
+                if end is None and isinstance(opening.scene, SearchedFront):
+                    end = SearchEnd(front=None)  # the last generation is the end
+                drawing(scene=opening.scene, messages=tuple(self._messages), end=end, note=note).log(stream)
             else:
                 words = rr.TextDocument("The run ended before there was anything to show.")
                 stream.log("text", words, static=True)

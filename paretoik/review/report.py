@@ -6,7 +6,7 @@ import base64
 import gzip
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache, cached_property
 from importlib.resources import files
@@ -25,7 +25,7 @@ from paretoik.front.front import Front
 from paretoik.front.points import take
 from paretoik.front.preferences.compromise import best_rows, compromise
 from paretoik.review.outlines import obstacle_lines
-from paretoik.review.palette import PAPER, objective_label
+from paretoik.review.palette import PAPER, is_sliding, objective_label
 from paretoik.runs.executor import computed_text
 from paretoik.runs.file_replacement import replace_file
 from paretoik.search.maximin import greedy_order
@@ -45,7 +45,7 @@ class ReportMotions:
 
     front: Front
 
-    @cached_property
+    @property
     def motions(self) -> Any:
         """The motions of the front."""
         return self.front.motions
@@ -116,9 +116,9 @@ class ReportMotions:
         }
         if not self.has_arm:
             return described
-        sliding = [kind == "prismatic" for kind in motions.arm.joint_types]
         described["quantities"] = [
-            {"name": kind, "units": [JOINT_UNITS[kind][slides] for slides in sliding]} for kind in self.kinds
+            {"name": kind, "units": [JOINT_UNITS[kind][int(slides)] for slides in is_sliding(motions.arm)]}
+            for kind in self.kinds
         ]
         described["limits"] = {
             kind: {
@@ -166,16 +166,6 @@ class ReportPage:
 
     report: Report
     rows: Int[np.ndarray, " points"]
-
-    @property
-    def size_without_motions(self) -> int:
-        """The bytes of the page without any motion."""
-        return len(self._render({}).encode())
-
-    def render(self, room: int) -> str:
-        """Return the page with as many motions as fit into ``room`` bytes."""
-        order = np.searchsorted(np.sort(self.rows), self.rows)  # in the page's front
-        return self._render({} if self._motions is None else self._motions.blocks(order.tolist(), room))
 
     @cached_property
     def front(self) -> Front:
@@ -225,10 +215,12 @@ class ReportPage:
             "colours": {"accents": PAPER.accents, "quiet": PAPER.quiet, "ink": PAPER.ink, "grid": PAPER.grid},
         }
 
-    def _render(self, blocks: Mapping[int, str]) -> str:
-        """Return the page with the motions of some points, by their id."""
+    def render(self, room: int) -> str:
+        """Return the page with as many motions as fit into ``room`` bytes."""
         from jinja2 import Environment, StrictUndefined
 
+        order = np.searchsorted(np.sort(self.rows), self.rows)  # in the page's front
+        blocks = {} if self._motions is None else self._motions.blocks(order.tolist(), room)
         front, whole, certificates = self.front, self.report.front, self.front.certificates
         (bundle, packed), rows = plotly_bundle(), list[dict[str, Any]]()
         script, provenance = "\n".join(_page_file(name) for name in SCRIPTS), dict(whole.provenance)
@@ -357,7 +349,7 @@ class Report:
             distances = np.full(len(self.front), np.inf)
             rows = greedy_order(self.front.shares, count, distances, first[:count])[0]
             page = ReportPage(report=self, rows=rows)
-            room = self.options.size - page.size_without_motions
+            room = self.options.size - len(page.render(0).encode())  # for motions
             if room >= 0 or count <= 1:
                 return page.render(room)
             count //= 2

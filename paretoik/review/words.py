@@ -25,17 +25,7 @@ def describe_limits_between(front: Front, rows: Sequence[int] | None = None) -> 
     return f"{message}, or refine" if message and front.certificates is None else message
 
 
-SETTINGS = {  # shown settings by name, in words
-    "population": "population",
-    "generations": "generations",
-    "seed": "seed",
-    "points": "points of the front",
-    "starts": "starts",
-    "refine": "refine",
-    "solver": "solver",
-    "weights": "weights",
-    "warm_start": "warm start",
-}
+SETTINGS = ("population", "generations", "seed", "points", "starts", "refine", "solver", "weights", "warm_start")
 COUNTS = {  # counts of a run, in singular and plural
     "generations": ("generation", "generations"),
     "evaluations": ("evaluation", "evaluations"),
@@ -79,11 +69,14 @@ def run_text(provenance: Mapping[str, Any]) -> str:
     if settings.get("refine") is False:  # then nothing was solved
         settings.pop("solver", None)
     searched = "population" in settings  # the most points of an archive, but the desired points of a sweep
-    names = SETTINGS | ({"points": "points of the front, at most"} if searched else {})
-    names |= {"starts": "starts for every redundant degree"} if "optima" in counts else {}
-    for name in (name for name in names if name in settings):
+    words_of = {
+        "points": "points of the front, at most" if searched else "points of the front",
+        "starts": "starts for every redundant degree" if "optima" in counts else "starts",
+        "warm_start": "warm start",
+    }
+    for name in (name for name in SETTINGS if name in settings):
         value = settings[name]
-        lines.append(f"- {names[name]}: {('no', 'yes')[value] if isinstance(value, bool) else value}")
+        lines.append(f"- {words_of.get(name, name)}: {('no', 'yes')[value] if isinstance(value, bool) else value}")
     took = [counted(counts[name], *words) for name, words in COUNTS.items() if isinstance(counts.get(name), int)]
     took += [f"{counts['seconds']:.4g} s"] if "seconds" in counts else []
     if counts.get("failed"):

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
@@ -30,7 +30,7 @@ def test_samples_that_are_the_motions_own_are_its_positions(name):
 @every_motion
 @pytest.mark.parametrize(("ramp", "factor"), [(0.0, 1.0), (0.1, 1.7)])
 def test_every_sample_is_on_the_path_however_it_is_timed(name, ramp, factor):
-    motion, trajectory = MOTIONS[name], sampled(name, 500.0, ramp, factor)
+    motion, trajectory = MOTIONS[name], sampled(name, 100.0, ramp, factor)
     if not motion.tasks:
         return
     # The place of a sample on the path: at its time of the motion, found from its time scaling.
@@ -85,6 +85,7 @@ rates = st.sampled_from([50.0, 125.0, 300.0, 1000.0])
 
 
 @given(durations, rates, st.floats(1.0, 3.0), st.just(0.0) | st.floats(0.02, 0.3))
+@settings(max_examples=40)
 def test_a_time_scaling_leads_from_0_to_the_duration_without_turning_back(duration, rate, factor, ramp):
     scaling = time_scaling(duration, rate, time_scale=factor, ramp=ramp)
     sigma, speed, _ = scaling.evaluate()
@@ -97,6 +98,7 @@ def test_a_time_scaling_leads_from_0_to_the_duration_without_turning_back(durati
 
 
 @given(durations, rates, rates, st.just(0.0) | st.floats(0.05, 0.3))
+@settings(max_examples=40)
 def test_a_time_scaling_is_the_same_law_at_another_rate(duration, rate, other, ramp):
     scaling = time_scaling(duration, rate, ramp=ramp)
     times, values = scaling.times(other), scaling.evaluate(other)
@@ -109,6 +111,7 @@ def test_a_time_scaling_is_the_same_law_at_another_rate(duration, rate, other, r
 
 
 @given(durations, st.floats(0.05, 1.0))
+@settings(max_examples=40)
 def test_rates_of_a_time_scaling_are_its_derivatives(duration, share):
     scaling = TimeScaling(duration=duration, periods=4000, rate=4000 / duration / 1.3, ramp=share * duration)
     sigma, speed, bend = scaling.evaluate()
@@ -118,6 +121,7 @@ def test_rates_of_a_time_scaling_are_its_derivatives(duration, share):
 
 
 @given(durations, st.floats(0.05, 0.3))
+@settings(max_examples=40)
 def test_a_ramp_starts_and_stops_with_neither_velocity_nor_acceleration_and_costs_its_own_time(duration, ramp):
     scaling = time_scaling(duration, 1000.0, ramp=ramp)
     _, speed, bend = scaling.evaluate()

@@ -3,9 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import paretoik as pk
 from paretoik.front.front import Front
-from paretoik.review.drawing.choice_layer import recording_with_choice
 from paretoik.review.recording.recorder import Generation
 from paretoik.robot.arm import Arm
 from paretoik.task.motion import Motion
@@ -47,7 +45,7 @@ def trade_off(points: int, n_obj: int) -> np.ndarray:
     return minimised * np.where(MAXIMISED[:n_obj], -1.0, 1.0)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_front():
     def make(n_obj: int, *, points: int = 12, planar: bool = True, moving: bool = True) -> Front:
         objectives = trade_off(points, n_obj)
@@ -64,7 +62,7 @@ def make_front():
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_generations():
     def make(n_obj: int, *, count: int = 4, points: int = 12) -> list[Generation]:
         sign = np.where(MAXIMISED[:n_obj], -1.0, 1.0)
@@ -81,19 +79,3 @@ def make_generations():
         return generations
 
     return make
-
-
-@pytest.fixture(scope="session")
-def choice_recordings(tmp_path_factory):
-    """The recordings of a short search without and with a choice; every joint quantity is limited."""
-    folder = tmp_path_factory.mktemp("recordings")
-    problem = pk.Tracking(
-        pk.arms.tringali_3r(),
-        pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=11),
-        objectives=[pk.kinetic_energy, pk.torque_norm, pk.joint_travel],
-        limits=pk.Limits(position=2.5, velocity=20.0, acceleration=900.0, torque=90.0, power=900.0),
-    )
-    front = pk.solve(problem, population=16, generations=4, seed=1, refine=False, out=folder / "run", observe=False)
-    recording, chosen = folder / "run" / "review.rrd", folder / "choice.rrd"
-    chosen.write_bytes(recording_with_choice(front, front[int(front.ids[0])], recording=recording))
-    return recording, chosen

@@ -29,7 +29,3 @@ def test_a_failure_names_point_joint_time_value_and_limit():
     row = judge("velocity limits", 1e-3, 1e-8, f"{PLACE}: exceeded by 0.001 of its range", point=3, worst=PLACE)
     line = "point 3, velocity limits: velocity of joint2 at 0.45 s: 3.81 rad/s, limit 3.8: exceeded by 0.001"
     assert line in repr(of(row))
-
-
-def test_what_is_no_number_fails():
-    assert judge("start", float("nan"), 1e-9, "").verdict == "failed"

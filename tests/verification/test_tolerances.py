@@ -208,10 +208,10 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", [each.name for each in dataclasses.fields(VerificationTolerances)])
-def test_three_times_a_tolerance_is_caught_and_a_third_of_it_is_not(certified, good_run, name):
+def test_three_times_a_tolerance_is_caught_and_a_third_of_it_is_not(request, good_run, name):
     value, kind, falsify, subject = CASES[name]
     if kind == "certified":
-        good, problem = certified
+        good, problem = request.getfixturevalue("certified")  # made only if needed
     else:
         folder, _, problem = good_run(kind)
         good = read_contents(folder)

@@ -47,15 +47,9 @@ class PathDrawing:
         stream.log(f"{PATH}/line", stage.strips([tool], SCREEN.path, 1.0, 20.0), static=True)
         ends = in_space(np.stack([self.scene.start, self.scene.target]))
         stream.log(f"{PATH}/ends", stage.points(ends, SCREEN.text, 4.5, 3.0), static=True)
-        curves = {
-            "speed": ("tool speed [m/s]", end.middles, end.speed),
-            "distance": ("distance to the target [m]", end.times, end.distance),
-        }
-        charts = [
-            Chart.over("time [s]", name, label, times, values[None], [SCREEN.tool])
-            for name, (label, times, values) in curves.items()
-        ]
-        charts = fit_below_tabs(charts)
+        speed = "speed", "tool speed [m/s]", end.middles, end.speed[None]
+        distance = "distance", "distance to the target [m]", end.times, end.distance[None]
+        charts = fit_below_tabs([Chart.over("time [s]", *each, [SCREEN.tool]) for each in (speed, distance)])
         for chart in charts:
             chart.log(stream)
         lines = [f"# {self.scene.title}", f"- {end.times[-1]:.6g} s, {len(end.times)} samples"]

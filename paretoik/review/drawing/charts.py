@@ -97,8 +97,7 @@ class Chart:
                 if len(finite):
                     far.setdefault(limit.name, []).append(tick_text(float(finite[np.abs(finite).argmin()])))
                 continue
-            is_constant = len(limit.values) == 1
-            values = np.full(len(x), limit.values[0]) if is_constant else np.interp(x, limit.instants, limit.values)
+            values = np.interp(x, limit.instants, limit.values)
             placed = canvas.place(np.stack([x, values], axis=1))
             seen = np.isfinite(values) & (values >= low[1]) & (values <= high[1])
             strips = [placed[i : i + 2] for i in range(0, count, 2) if seen[i] and seen[i + 1]]

@@ -24,17 +24,19 @@ from paretoik.front.front import Front
 from paretoik.inputs import first_line
 from paretoik.review.drawing.layout import (
     Entry,
+    Layout,
     Legend,
     RecordedLayout,
-    choice_blueprint,
+    column,
     log_text,
     set_times,
     stream_in_memory,
+    tabbed,
 )
 from paretoik.review.drawing.motion import NO_TIMES, MotionScene, is_moving, motion_views
 from paretoik.review.drawing.point_text import point_text
 from paretoik.review.drawing.scatter import LAYERS, Scatter
-from paretoik.review.palette import SCREEN, VIEWS
+from paretoik.review.palette import DRAWING, SCREEN, VIEWS
 from paretoik.review.recording.messages import RecordedPoint, Workcell, chosen_point, record_motion, workcell_of
 from paretoik.review.recording.recorder import OPTIONS, SearchedFront
 from paretoik.runs.file_replacement import only_writer, replace_file
@@ -174,16 +176,25 @@ class ChoiceLayer:
             self._motions[0].log_predicted(stream, motion)
 
     def blueprint(self) -> rrb.Blueprint:
-        """Return the layout, with the views of the recorded run, if any, in a second tab."""
+        """Return the layout, with the views of the recorded run, if any, in a second tab.
+
+        The words of one choice are next to the arm; those of two, or in a narrow viewer, below the front.
+        """
         arms = [motion_views(motions) for motions in self._motions if motions is not None]
         texts = [
             rrb.TextDocumentView(origin=f"{root}/text", name=name)
             for root, name in zip(ROOTS, self._names, strict=False)
         ]
         tab = None if self.recorded is None else self.recorded.tab()
-        settings: Any = {"name": " and ".join(self._names), "recorded": tab, "timeline": self._timeline}
-        narrow = self.width < VIEWS.width
-        return choice_blueprint(self._legend, self._scatter.view(), arms, texts, narrow=narrow, **settings)
+        front, name, further = self._scatter.view(), " and ".join(self._names), [] if tab is None else [tab]
+        settings: Any = {"legend": self._legend, "front": front, "timeline": self._timeline, "name": name}
+        if len(texts) == 1 and self.width >= VIEWS.width:
+            views = arms[0] if arms else {}
+            return Layout(charts=(), texts=texts, further=further, **settings, **views).blueprint()
+        columns = [column(front, texts), *(column(each["arm"], each["joints"]) for each in arms)]
+        body = self._legend.above(rrb.Horizontal(*(each for each in columns if each is not None)), name)
+        panel = rrb.TimePanel(timeline=self._timeline, state="collapsed", fps=DRAWING.frames)
+        return tabbed([body, *further], panel)
 
     @property
     def _timeline(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -53,9 +53,6 @@ def plate_half(words: str) -> Point:
 def half_size(words: str) -> Point:
     """Return half the width and height that a label needs [pixels], also in a smaller window."""
     return LABEL.reserve * plate_half(words)
-
-
-DrawnLabels: TypeAlias = tuple[rr.Points2D, rr.LineStrips2D]  # words, and the lines from them to their marks
 
 
 def label_place(
@@ -109,8 +106,8 @@ def label_lines(mark: Point, middle: Point, words: str) -> Lines:
 
 def joined_labels(
     marks: Points | Sequence[Point], middles: Sequence[Point], words: Sequence[str], colour: Colour
-) -> DrawnLabels:
-    """Return the labels of ``marks`` around their ``middles``, with lines to distant labels."""
+) -> tuple[rr.Points2D, rr.LineStrips2D]:
+    """Return the labels of ``marks`` around their ``middles``, and lines to distant labels."""
     joins, places = list[Points](), [np.zeros((0, 2))]
     for mark, middle, each in zip(marks, middles, words, strict=True):
         half, within = half_size(each), plate_half(each) - MARKS.overlap
@@ -121,7 +118,7 @@ def joined_labels(
     return labels(words, np.concatenate(places), colour), flat_lines(joins, colour, 0.6, 3.8)
 
 
-def line_points(ends: Float[np.ndarray, "lines 2 2"]) -> Points:
+def line_points(lines: Iterable[Float[np.ndarray, "2 2"]]) -> Points:
     """Return points along lines [pixels], so close that no label fits between two of them."""
     shares = np.linspace(0.0, 1.0, MARKS.line_points)[:, None]
-    return np.concatenate([np.zeros((0, 2)), *(start + shares * (end - start) for start, end in ends)])
+    return np.concatenate([np.zeros((0, 2)), *(start + shares * (end - start) for start, end in lines)])

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -161,7 +161,7 @@ class Layout:
         notes = [rrb.TextDocumentView(origin=LEFT_OUT, name="left out")] if self.note else []
         texts = [*self.texts, *notes]
         words = fitting_tabs(texts, VIEWS.columns[2]) if texts else None
-        columns = (_column(front, charts), _column(self.arm, self.joints), words)
+        columns = (column(front, charts), column(self.arm, self.joints), words)
         present = [(each, width) for each, width in zip(columns, VIEWS.columns, strict=True) if each is not None]
         views = rrb.Horizontal(*(column for column, _ in present), column_shares=[width for _, width in present])
         looped: dict[str, Any] = {}
@@ -169,35 +169,10 @@ class Layout:
             selection = rrb.components.AbsoluteTimeRange(min=self.start, max=max(self.end, self.start + 1))
             looped = {"play_state": "playing", "loop_mode": "selection", "time_selection": selection}
         panel = rrb.TimePanel(timeline=self.timeline, state="collapsed", fps=self.frames, **looped)
-        return _blueprint([self.legend.above(views, self.name), *self.further], panel)
+        return tabbed([self.legend.above(views, self.name), *self.further], panel)
 
 
-def choice_blueprint(
-    legend: Legend,
-    front: rrb.View | None,
-    arms: Sequence[Mapping[str, Any]],
-    texts: Sequence[rrb.View],
-    *,
-    name: str,
-    recorded: rrb.Container | None,
-    narrow: bool = False,
-    timeline: str = "motion",
-) -> rrb.Blueprint:
-    """Return the layout of one choice, or of two side by side, on a common time; ``recorded`` may be a second tab.
-
-    ``arms``: views of each choice's motion. The words of one choice are next to the arm; those of two, or in a
-    ``narrow`` viewer, below the front.
-    """
-    further = [] if recorded is None else [recorded]
-    if len(texts) == 1 and not narrow:
-        layout = Layout(legend=legend, front=front, charts=(), texts=texts, timeline=timeline, name=name)
-        return replace(layout, further=further, **(arms[0] if arms else {})).blueprint()
-    columns = [_column(front, texts), *(_column(each["arm"], each["joints"]) for each in arms)]
-    body = legend.above(rrb.Horizontal(*(each for each in columns if each is not None)), name)
-    return _blueprint([body, *further], rrb.TimePanel(timeline=timeline, state="collapsed", fps=DRAWING.frames))
-
-
-def _blueprint(tabs: Sequence[rrb.Container], panel: rrb.TimePanel) -> rrb.Blueprint:
+def tabbed(tabs: Sequence[rrb.Container], panel: rrb.TimePanel) -> rrb.Blueprint:
     """Return a layout of one container, or of several as tabs, with the time panel only."""
     body = tabs[0] if len(tabs) == 1 else rrb.Tabs(*tabs)
     hidden = rrb.BlueprintPanel(state="hidden"), rrb.SelectionPanel(state="hidden")
@@ -222,7 +197,8 @@ def log_text(stream: rr.RecordingStream, words: str, entity: str = TEXT_ENTITY, 
     stream.log(entity, rr.TextDocument(words, media_type="text/markdown"), static=static)
 
 
-def _column(above: rrb.View | None, below: Sequence[rrb.View]) -> rrb.Container | None:
+def column(above: rrb.View | None, below: Sequence[rrb.View]) -> rrb.Container | None:
+    """Return a view above others, which are tabs; None without views."""
     views = ([above] if above is not None else []) + ([fitting_tabs(below, VIEWS.panels[0])] if below else [])
     shares = [VIEWS.panels[1] + VIEWS.title, VIEWS.chart[1] + VIEWS.title][: len(views)]
     return rrb.Vertical(*views, row_shares=shares) if views else None

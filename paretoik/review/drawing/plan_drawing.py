@@ -330,7 +330,7 @@ class PlanPanel:
         self._log_points(recording, layer, across, values, colour, 6.5, order, words)
         canvas, marks, middles = self.canvas, self._mark(across, values), list[np.ndarray]()
         for mark in marks:
-            others = np.concatenate([self._drawn, line_points(np.array(lines).reshape(-1, 2, 2))])
+            others = np.concatenate([self._drawn, line_points(lines)])
             if layer == "looked_at":
                 best = self._mark(self._places[:1], self._final[:1])[0]
                 others = np.concatenate([others, label_area(label_place(canvas, best, BEST, others), BEST)])
@@ -342,7 +342,7 @@ class PlanPanel:
         """Points [pixels] on starts, results, optima, their value lines, and borders of levels."""
         x = np.concatenate([self.across, self.across, self._places])
         marks = self._mark(x, np.concatenate([self.starts, self.ends, self._final]))
-        return np.concatenate([marks, line_points(np.array([*self._value_lines, *self._borders]).reshape(-1, 2, 2))])
+        return np.concatenate([marks, line_points([*self._value_lines, *self._borders])])
 
     @property
     def _value_lines(self) -> list[np.ndarray]:

@@ -228,21 +228,6 @@ def better_but_infeasible(scene: SearchedFront, population: Population, front: O
     return f"{counted(count, 'individual')} {verb} a limit or a constraint." if count else ""
 
 
-def loop_guide(searched: Sequence[int], opening: int | None) -> str:
-    """Return where the search of each given step is visible, and from which step on the loop is played."""
-    lines = [
-        f"- The search of step {step} has a tab, \u201csearch of step {step}\u201d, above the legend; the timelines "
-        "generation and individual move it and leave all else as it is."
-        for step in searched
-    ]
-    if opening:
-        lines.append(
-            f"- The steps from {opening} on, blue on the slider, are played again and again; those before are left of "
-            "them. The loop button plays all."
-        )
-    return "## How to look at it\n\n" + "\n".join(lines) if lines else ""
-
-
 def range_text(low: float, high: float, unit: str) -> str:
     """Return a range in words; if its ends have the same digits, the upper end is relative to the lower one.
 

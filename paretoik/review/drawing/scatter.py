@@ -216,7 +216,7 @@ class Scatter:
             if self.scene.timeline == "level":
                 bounds = self._bounds(panel, generation)
                 areas = [label_area(middle, words) for _, words, middle in bounds]
-                return np.concatenate([line_points(np.array([line for line, _, _ in bounds])), *areas])
+                return np.concatenate([line_points([line for line, _, _ in bounds]), *areas])
         return NO_POINTS
 
     def log_points(
@@ -340,7 +340,7 @@ class Scatter:
                 lines.append(canvas.place(line))
                 sense = "≥" if scene.maximised[axis] else "≤"
                 words.append(f"ε: {screen_text(scene.names[axis])} {sense} {bound:.4g} {scene.units[axis]}".rstrip())
-        taken, bounds = line_points(np.array(lines).reshape(-1, 2, 2)), list[Bound]()
+        taken, bounds = line_points(lines), list[Bound]()
         for line, said in reversed(list(zip(lines, words, strict=True))):  # those next to a vertical line can go lower
             middle = label_place(canvas, line[-1], said, taken, is_joined=False)
             taken = np.concatenate([taken, label_area(middle, said)])

@@ -17,7 +17,7 @@ from paretoik.review.drawing.axes import flat_dots, screen_text
 from paretoik.review.drawing.charts import Chart, LimitLine, curve_points
 from paretoik.review.drawing.layout import Entry, Layout, Legend, drawn_entries, log_text, set_times, text_view
 from paretoik.review.drawing.motion import MotionScene, motion_views
-from paretoik.review.drawing.point_text import NO_RANGE, broken_limits, loop_guide, outside_text, range_text, step_text
+from paretoik.review.drawing.point_text import NO_RANGE, broken_limits, outside_text, range_text, step_text
 from paretoik.review.drawing.scatter import Scatter, normalised
 from paretoik.review.drawing.search_drawing import log_generation, search_charts, search_entries
 from paretoik.review.palette import DRAWING, SCREEN, VIEWS, even_rows
@@ -468,11 +468,22 @@ class LoopDrawing:
 
     def _log_step(self, stream: rr.RecordingStream, generation: Generation, hint: str = "") -> None:
         """Draw a step at the current time with its text, which begins with a hint."""
-        choice, opening = self.end.choice, None if self._opening is None else self._opening.number
+        choice, opening = self.end.choice, 0 if self._opening is None else self._opening.number
         words = [hint, step_text(self.scene, generation)]
         if choice is not None:
             words.append(f"## The whole loop\n\n{screen_text(choice.reason)}")
-        words.append(loop_guide([each.step.sample for each in self._searches], opening))
+        guide = [
+            f"- The search of step {step} has a tab, \u201csearch of step {step}\u201d, above the legend; the "
+            "timelines generation and individual move it and leave all else as it is."
+            for step in (each.step.sample for each in self._searches)
+        ]
+        if opening:
+            guide.append(
+                f"- The steps from {opening} on, blue on the slider, are played again and again; those before are left "
+                "of them. The loop button plays all."
+            )
+        if guide:
+            words.append("## How to look at it\n\n" + "\n".join(guide))
         log_generation(stream, self._scatter, self._charts, generation, "\n\n".join(filter(None, words)))
 
     @cached_property

@@ -182,7 +182,7 @@ def picture(file: Path | str, size: tuple[float, float]) -> Iterator[Figure]:
 
 def parts(figure: Figure, *grid: int, **settings: Any) -> Any:
     """Return parts of a figure side by side, or one above the other."""
-    return np.ravel(np.asarray(figure.subfigures(*grid, **settings)))
+    return figure.subfigures(*grid, **settings)
 
 
 def label(front: Front, axis: int) -> str:

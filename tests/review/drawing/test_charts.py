@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import rerun as rr
-from hypothesis import assume, example, given
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from paretoik.review.drawing.axes import TEXT, text_width
@@ -54,6 +54,7 @@ def numbers(largest):
 )
 @example([0.0] * 5, [0.0], 40.0, 1)
 @example([1e-29] * 5, [], 0.0, -20)
+@settings(max_examples=40)
 def test_axes_are_the_same_in_every_unit(values, limits, usual, power):
     unit = 2.0**power  # exact, so that rounding decides no case
     values, limits = np.array(values), np.array(limits)
@@ -63,6 +64,7 @@ def test_axes_are_the_same_in_every_unit(values, limits, usual, power):
 
 
 @given(st.lists(st.floats(-1e-12, 1e-12), min_size=5, max_size=5), st.lists(st.floats(0.1, 90.0), max_size=3))
+@settings(max_examples=40)
 def test_rounding_is_drawn_as_zero_between_all_limits(values, limits):
     both = [*limits, *(-limit for limit in limits)]
     low, high = ends(chart(np.array(values), both, usual=1.0))
@@ -125,6 +127,7 @@ def test_a_curve_of_one_point_is_a_dot_in_its_colour(tmp_path):
 
 
 @given(st.lists(st.integers(0, 300), min_size=2, max_size=9, unique=True))
+@settings(max_examples=40)
 def test_names_of_curves_keep_their_order_and_cover_neither_each_other_nor_the_ticks(ends):
     values, stream = np.array(ends)[:, None] * np.ones(2), Drawn()
     names, colours = [f"curve {number}" for number in range(len(ends))], [SCREEN.text] * len(ends)

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik.review.drawing.axes import TEXT, text_width
@@ -19,7 +19,7 @@ from tests.review.reading import drawn_labels
 def test_every_axis_has_numbers_and_none_covers_another(count):
     rng = np.random.default_rng(0)
     names = [f"objective{k} [J s]" for k in range(count)]
-    for _ in range(60):
+    for _ in range(20):
         low = rng.uniform(-1.0, 1.0, count) * 10.0 ** rng.integers(-3, 3, count)
         shown = low + 10.0 ** rng.uniform(-2.0, 2.0, count) * rng.random((5, count))
         canvases = [canvas for _, canvas in matrix(names, shown)]
@@ -37,6 +37,7 @@ def test_every_axis_has_numbers_and_none_covers_another(count):
 
 
 @given(first=st.floats(0.0, 1.0), second=st.floats(0.0, 1.0), maximised=st.tuples(st.booleans(), st.booleans()))
+@settings(max_examples=30)
 def test_the_words_of_two_crossing_bounds_are_readable(first, second, maximised):
     scene = SearchedFront(names=("energy", "torque"), units=("J s", "N²m²s"), maximised=maximised, timeline="level")
     F = np.array([[0.0, 1.0], [1.0, 0.0]])

@@ -86,14 +86,6 @@ def test_a_point_that_is_picked_is_known_by_its_id_and_its_motion_is_shown(make_
 
 
 @needs_notebook
-def test_the_label_of_a_sent_point_is_its_id(make_front, tmp_path):
-    front = make_front(2)
-    view = front.view()
-    batches = sent(view, tmp_path)[PANEL + "/front"]
-    assert present(batches, "labels") == [f"point {number}" for number in front.ids]
-
-
-@needs_notebook
 def test_every_picture_of_a_point_selects_it_and_frames_select_nothing(make_front):
     front = make_front(3, points=30)
     view = front.view()

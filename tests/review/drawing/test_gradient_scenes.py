@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import os
-import signal
-
 import numpy as np
 import pytest
 
 import paretoik as pk
 from paretoik.front.preferences.compromise import compromise
-from tests.review.children import children
+from paretoik.review.drawing.choice_layer import RecordedRun, recording_with_choice
 from tests.review.reading import (
+    FRAME,
     SECOND,
     blank_views,
     last_text,
     missing_entities,
     read,
     rows,
+    shown,
     static_words,
+    views,
 )
 
 
@@ -26,7 +26,7 @@ def arm() -> pk.Arm:
     return pk.Arm.planar(lengths=[0.3, 0.3, 0.25], masses=[1, 1, 0.8], centers=[0.15] * 3, inertias=[0.01] * 3)
 
 
-def problem(*objectives, samples: int = 51) -> pk.Tracking:
+def problem(*objectives, samples: int = 26) -> pk.Tracking:
     return pk.Tracking(
         arm(),
         pk.line([0.6, -0.1], [0.4, 0.4], duration=1.0, samples=samples),
@@ -54,7 +54,7 @@ def plan(tmp_path_factory):
         if progress.stage == "sample":
             tried.append(int(progress.summary.split()[0]))
 
-    found = pk.plan(problem(pk.kinetic_energy), starts=6, out=folder, observe=note)
+    found = pk.plan(problem(pk.kinetic_energy, samples=51), starts=4, out=folder, observe=note)
     return found, tried, folder / "review.rrd"
 
 
@@ -144,28 +144,13 @@ def test_every_start_of_a_plan_leads_to_what_is_drawn_of_it(plan):
         np.testing.assert_allclose(place, rows(entities["/objective/ends"], "level", "positions")[max(ends)][row])
 
 
-def test_a_plan_whose_recording_fails_is_complete(tmp_path):
-    one = problem(pk.kinetic_energy, samples=26)
-
-    def kill(progress) -> None:
-        if progress.stage == "sample":
-            for child in children(os.getpid()):
-                os.kill(child, signal.SIGKILL)
-
-    with pytest.warns(RuntimeWarning, match="recording stopped, the run continues"):
-        found = pk.plan(one, starts=4, out=tmp_path, observe=kill)
-    again = pk.load_plan(tmp_path, one)
-    assert [each.objective for each in again.optima] == [each.objective for each in found.optima]
-    alone = pk.plan(one, starts=4, observe=False)
-    assert [each.objective for each in alone.optima] == [each.objective for each in found.optima]
-
-
 @pytest.fixture(scope="module")
 def fronts(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fronts")
-    both = problem(pk.kinetic_energy, pk.torque_norm, samples=21)
-    front = pk.epsilon_front(both, points=4, starts=4, out=folder / "front", observe=False)
-    rough = pk.solve(both, population=16, generations=6, seed=1, out=folder / "rough", observe=False)
+    both = problem(pk.kinetic_energy, pk.torque_norm, samples=11)
+    front = pk.epsilon_front(both, points=3, starts=3, out=folder / "front", observe=False)
+    rough = pk.solve(both, population=16, generations=2, seed=1, observe=False)
+    rough = rough[rough.ids[:3]]
     refined = pk.refine(rough, out=folder / "refined", observe=False)
     return folder, front, rough, refined
 
@@ -257,3 +242,23 @@ def test_a_refinement_shows_before_and_after_and_where_points_came_from(fronts):
     words = rows(entities["/text"], "refinement", "text")
     assert str(words[0][0]).startswith("# Before")
     assert "Certificate" in str(words[1][0])
+
+
+@pytest.mark.parametrize("timeline", ["level", "refinement"])
+def test_a_choice_is_on_every_timeline_of_any_verbs_recording(fronts, timeline, tmp_path):
+    folder, swept, _, refined = fronts
+    front, file = (swept, folder / "front") if timeline == "level" else (refined, folder / "refined")
+    recorded = RecordedRun(file / "review.rrd")
+    assert recorded.timeline == timeline
+    walked = {"point"} if len(front) > 1 else set()
+    seconds = {name for name, begin in recorded.begins.items() if isinstance(begin, np.timedelta64)}
+    assert (set(recorded.begins) - seconds, seconds) == ({timeline} | walked, {"motion", "replay"})
+    content = recording_with_choice(front, front[int(front.ids[0])], recording=file / "review.rrd")
+    (tmp_path / "choice.rrd").write_bytes(content)
+    entities = read(tmp_path / "choice.rrd")
+    everything = read(file / "review.rrd") | entities
+    for name in recorded.begins:
+        assert shown(entities, "/choice/arm/chosen/links", name, 1), name
+        for view, origin in views(tmp_path / "choice.rrd").items():
+            drawn = [path for path in shown(everything, origin, name, 1) if not path.endswith(FRAME)]
+            assert drawn, (view, origin, name)

@@ -7,13 +7,13 @@ import pytest
 from pymoo.core.problem import Problem
 
 import paretoik as pk
-from tests.api.problems import QUICK, tracking
+from tests.api.problems import tracking
 from tests.review.reading import blank_views, check_broken_limits, last_text, missing_entities, read, rows
 
 VERBS = {  # the timeline, the run and its objectives
-    "solve": ("generation", lambda problem, **options: pk.solve(problem, **QUICK, **options), ()),
-    "plan": ("level", lambda problem, **options: pk.plan(problem, starts=6, **options), (pk.kinetic_energy,)),
-    "epsilon_front": ("level", lambda problem, **options: pk.epsilon_front(problem, starts=6, **options), ()),
+    "solve": ("generation", lambda problem, **options: pk.solve(problem, population=12, generations=3, **options), ()),
+    "plan": ("level", lambda problem, **options: pk.plan(problem, starts=3, **options), (pk.kinetic_energy,)),
+    "epsilon_front": ("level", lambda problem, **options: pk.epsilon_front(problem, starts=3, **options), ()),
 }
 
 
@@ -66,7 +66,7 @@ class Walled(Problem):
 
 def test_a_plain_problem_names_its_constraints_by_their_numbers_the_worst_first(tmp_path):
     with pytest.raises(pk.Infeasible):
-        pk.solve(Walled(), **QUICK, out=tmp_path / "run", observe=False)
+        pk.solve(Walled(), population=12, generations=2, out=tmp_path / "run", observe=False)
     text = read(tmp_path / "run" / "review.rrd")["/text"]
     words = last_text(text, "generation", max(rows(text, "generation", "text")))
     assert "- constraint 3: violated by 0.5\n- constraint 1: violated by 0.25\n" in words

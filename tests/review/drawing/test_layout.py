@@ -28,10 +28,6 @@ def test_all_names_fit_and_every_view_is_there_in_its_order(width):
     assert [view.origin for view in leaves(found)] == [f"/{number}" for number in range(len(SEARCH))]
 
 
-def test_names_that_fit_stay_as_they_are():
-    assert [part.name for part in tabs(SEARCH[:2], 600.0).contents] == SEARCH[:2]
-
-
 def test_views_with_a_common_first_word_become_nested_tabs_before_any_name_is_cut():
     found = tabs(["hypervolume", *SEARCH[2:]], 600.0)
     assert [part.name for part in found.contents] == ["hypervolume", "best", "front points, failures"]

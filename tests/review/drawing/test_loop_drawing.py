@@ -87,9 +87,3 @@ def test_the_target_of_the_tool_is_visible_around_a_tool_at_the_target(tmp_path)
     assert MARKS.target_ring - 1.2 > 1.875 * MARKS.solid_arm  # the radius of the tool
     assert ("target of the tool", SCREEN.path) in scene._legend.entries
     assert "path to follow" not in legend(entities)  # there is none
-
-
-def test_in_space_a_cross_reaches_beyond_the_tool(tmp_path):
-    _, entities = recorded(step([TRADE_OFF], 0.5, planar=False), tmp_path / "step.rrd")
-    strips = rows(entities["/step_7/arm/place"], "generation", "strips")[0]
-    assert np.linalg.norm([np.subtract(*strip) for strip in np.array([list(map(list, each)) for each in strips])]) > 0.1

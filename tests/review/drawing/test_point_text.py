@@ -10,7 +10,7 @@ import rerun as rr
 
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
-from paretoik.review.drawing.point_text import better_but_infeasible, point_text, step_text, text_of
+from paretoik.review.drawing.point_text import point_text, step_text, text_of
 from paretoik.review.drawing.scatter import Scatter
 from paretoik.review.drawing.search_drawing import search_charts
 from paretoik.review.recording.messages import RecordedPoint
@@ -131,10 +131,3 @@ def test_individuals_that_dominate_the_front_are_said_to_break_a_limit():
     words = text_of(scene(), generation([[2.0, 2.0]]))
     assert "2 individuals look better than the front and break a limit or a constraint." in words
     assert "look" not in text_of(scene("level"), generation([[2.0, 2.0]]))
-
-
-def test_the_words_of_the_end_say_which_individuals_behind_the_front_break_a_limit():
-    population = np.array([[1.0, 2.0], [2.0, 3.0], [4.0, 5.0]])
-    assert better_but_infeasible(scene(), population, np.array([[2.0, 3.0]])) == ""
-    words = "2 individuals look better than the front and break a limit or a constraint."
-    assert better_but_infeasible(scene(), population, np.array([[2.0, 2.0]])) == words

@@ -26,18 +26,18 @@ def address():
 
 @pytest.fixture(scope="module")
 def front() -> Front:
-    path = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=21)
+    path = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=11)
     limits = pk.Limits(position=np.deg2rad([90, 120, 120]), velocity=3.8)
     problem = pk.Tracking(
         pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy, pk.torque_norm], limits=limits, bases=2
     )
-    return pk.epsilon_front(problem, points=7, starts=8, observe=False)
+    return pk.epsilon_front(problem, points=5, starts=4, observe=False)
 
 
 @pytest.fixture
 def view(front):
     view = front.view()
-    view.show(int(front.ids[3]))
+    view.show(int(front.ids[2]))
     return view
 
 

@@ -255,35 +255,6 @@ def test_two_choices_are_shown_in_the_same_recording(run, tmp_path):
             assert shown(everything, origin, timeline, 5), (view, origin, timeline)
 
 
-@pytest.fixture(scope="module", params=["level", "refinement"])
-def certified_run(request, tmp_path_factory):
-    """The recordings of a sweep, with the timeline "level", and of a refinement."""
-    folder, problem = tmp_path_factory.mktemp("certified"), planar()
-    if request.param == "level":
-        front = pk.epsilon_front(problem, points=3, starts=4, seed=0, out=folder / "run", observe=False)
-    else:
-        draft = pk.solve(problem, population=16, generations=2, seed=1, refine=False, observe=False)
-        front = pk.refine(draft[draft.ids[:3]], out=folder / "run", observe=False)
-    return request.param, front, folder / "run" / "review.rrd"
-
-
-def test_a_choice_is_on_every_timeline_of_any_verbs_recording(certified_run, tmp_path):
-    timeline, front, file = certified_run
-    recorded = RecordedRun(file)
-    assert recorded.timeline == timeline
-    walked = {"point"} if len(front) > 1 else set()
-    seconds = {name for name, begin in recorded.begins.items() if isinstance(begin, np.timedelta64)}
-    assert (set(recorded.begins) - seconds, seconds) == ({timeline} | walked, {"motion", "replay"})
-    (tmp_path / "choice.rrd").write_bytes(recording_with_choice(front, front[int(front.ids[0])], recording=file))
-    entities = read(tmp_path / "choice.rrd")
-    everything = entities | {path: batches for path, batches in read(file).items() if path not in entities}
-    for name in recorded.begins:
-        assert shown(entities, "/choice/arm/chosen/links", name, 1), name
-        for view, origin in views(tmp_path / "choice.rrd").items():
-            drawn = [path for path in shown(everything, origin, name, 1) if not path.endswith(FRAME)]
-            assert drawn, (view, origin, name)
-
-
 def rows_of_text(batches: list) -> str:
     (column,) = [name for name in batches[0].schema.names if name.endswith(":text")]
     return batches[0].column(column).to_pylist()[0][0]

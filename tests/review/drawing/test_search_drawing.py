@@ -6,7 +6,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik.formulations.protocol import Timeline
@@ -34,6 +34,7 @@ def sphere(points: int, n_obj: int, seed: int = 0) -> np.ndarray:
 
 
 @given(seed=st.integers(0, 99))
+@settings(max_examples=20)
 def test_points_are_spread_no_worse_than_at_random(seed):
     F = sphere(300, 3, seed)
 

@@ -43,16 +43,6 @@ def test_every_certified_front_gets_a_small_picture_with_content(n_obj, tmp_path
     assert 0.005 < (pixels < 128).mean() < 0.5
 
 
-def test_a_point_that_is_not_a_minimum_is_visible(tmp_path, make_front):
-    pictures = []
-    for statuses in (["minimum"], ["minimum", "saddle"]):
-        certificates_picture(certified(make_front(2), statuses), tmp_path / "certificates.png")
-        with Image.open(tmp_path / "certificates.png") as picture:
-            pictures.append(np.asarray(picture.convert("RGB")).astype(int))
-    reddish = [np.sum(pixels[..., 0] - pixels[..., 2] > 100) for pixels in pictures]
-    assert reddish[1] > reddish[0]
-
-
 def test_a_front_without_certificates_is_refused(tmp_path, make_front):
     with pytest.raises(InvalidInput, match="front must have certificates"):
         certificates_picture(make_front(2), tmp_path / "certificates.png")

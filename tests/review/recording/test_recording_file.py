@@ -16,7 +16,7 @@ from paretoik.review.recording.recorder import Generation, Opening, RecorderOpti
 from paretoik.review.recording_child import LIVE, RecordingFile
 from tests.review.reading import read, rows
 
-N_OBJ = 4
+N_OBJ = 2
 NAMES = tuple(f"f{axis}" for axis in range(N_OBJ))
 
 
@@ -56,11 +56,11 @@ def fronts(file: Path) -> dict[int, np.ndarray]:
 
 @pytest.mark.parametrize("spacing", [1, 8])
 def test_a_file_stays_below_its_size_with_evenly_spread_generations_the_first_and_the_last(spacing, tmp_path):
-    file, size, largest = tmp_path / "review.rrd", 1_000_000, 0
-    recording, numbers = started(file, size=size), range(1, 1 + 40 * spacing, spacing)
+    file, size, largest = tmp_path / "review.rrd", 400_000, 0
+    recording, numbers = started(file, size=size), range(1, 1 + 20 * spacing, spacing)
     for place, number in enumerate(numbers):
         recording.record(generation(number))
-        if place % 10 == 0:
+        if place % 7 == 0:
             recording.look_after()
             largest = max(largest, file.stat().st_size)
     recording.complete(SearchEnd(front=front()), 3)
@@ -72,7 +72,7 @@ def test_a_file_stays_below_its_size_with_evenly_spread_generations_the_first_an
         np.testing.assert_array_equal(F[number], generation(number).front.ravel())
     np.testing.assert_array_equal(F[numbers[-1]], front().objectives.ravel())
     (note,) = read(file)["/notes/left_out"]
-    assert f"{len(kept)} of its 43 generations are kept here" in str(note.to_pydict())  # 3 were not sent
+    assert f"{len(kept)} of its 23 generations are kept here" in str(note.to_pydict())  # 3 were not sent
 
 
 def test_a_series_that_says_the_same_number_again_and_again_ends(tmp_path):

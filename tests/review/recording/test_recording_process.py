@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import paretoik as pk
 from paretoik.front.front import Front
 from paretoik.review.recording.recorder import Generation, Recorder, RecorderOptions, SearchedFront, SearchEnd
 from paretoik.runs.machine import child_command
@@ -103,24 +104,17 @@ def test_a_recording_without_an_end_is_completed_with_what_it_has(tmp_path):
     assert sorted(fronts(tmp_path / "review.rrd")) == [0, 1, 2, 3]
 
 
-PROBE = """
+IMPORTS = """
 import sys
-import numpy as np
-from paretoik.review.recording.recorder import Generation, Recorder, SearchedFront
-scene = SearchedFront(names=("a", "b"), units=("", ""), maximised=(False, False))
-recorder = Recorder(sys.argv[1], title="probe", scene=scene)
-F = np.array([[1.0, 2.0], [2.0, 1.0]])
-recorder.record(Generation(number=0, population=F, front=F, front_ids=np.arange(2)))
-recorder.close()
-print(sorted({"rerun", "matplotlib", "pymoo", "pyarrow"} & set(sys.modules)))
+import paretoik.front.storage, paretoik.runs.folder
+import paretoik.review.recording.recorder
+print(sorted({"rerun", "matplotlib", "pymoo", "pyarrow", "moocore"} & set(sys.modules)))
 """
 
 
-def test_the_run_itself_never_loads_rerun(tmp_path):
-    file = tmp_path / "review.rrd"
-    ended = subprocess.run([sys.executable, "-c", PROBE, file], capture_output=True, text=True, check=True)
+def test_nothing_heavy_is_imported_before_it_is_used():
+    ended = subprocess.run([sys.executable, "-c", IMPORTS], capture_output=True, text=True, check=True)
     assert ended.stdout == "[]\n"
-    assert sorted(fronts(file)) == [0]
 
 
 KILLED = """
@@ -137,6 +131,7 @@ while process._answered < 20:
     process.pump()
 if "fork" in sys.argv and os.fork() == 0:  # holds the run's end of the pipe
     time.sleep(100)
+assert not {"rerun", "matplotlib", "pymoo", "pyarrow"} & set(sys.modules)  # only the other process loads them
 print(process._answered - 1, process._child.pid, flush=True)
 os.kill(os.getpid(), signal.SIGKILL)
 """
@@ -265,6 +260,22 @@ def test_an_undrawable_message_gives_a_warning_and_recorded_data_stay(tmp_path):
         started.close()
     assert len(warned) == 1
     assert 0 in fronts(tmp_path / "review.rrd")  # the last drawing without it
+
+
+def test_a_plan_whose_recording_fails_is_complete(tmp_path):
+    path = pk.line([0.6, -0.1], [0.4, 0.4], duration=1.0, samples=11)
+    problem = pk.Tracking(pk.Arm.planar(lengths=[0.3, 0.3, 0.25]), path, objectives=[pk.joint_travel])
+
+    def kill(progress) -> None:
+        if progress.stage == "sample":
+            for child in children(os.getpid()):
+                os.kill(child, signal.SIGKILL)
+
+    with pytest.warns(RuntimeWarning, match="recording stopped, the run continues"):
+        found = pk.plan(problem, starts=2, out=tmp_path, observe=kill)
+    again, alone = pk.load_plan(tmp_path, problem), pk.plan(problem, starts=2, observe=False)
+    for other in (again, alone):
+        assert [each.objective for each in other.optima] == [each.objective for each in found.optima]
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only the superuser mounts a disk")

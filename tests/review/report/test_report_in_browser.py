@@ -219,15 +219,6 @@ def test_the_zoom_stays_when_another_point_is_selected_or_points_are_filtered(op
         assert not np.allclose(np.array(zoomed), np.array(whole))
 
 
-def test_every_point_of_the_table_can_be_shown(opened, front):
-    browser = opened(front)
-    for row, number in enumerate(front.ids):
-        browser(f"document.querySelector('#points tr[data-id=\"{number}\"] td:nth-child(2)').click()")
-        browser.wait(f"Math.abs(document.getElementById('curves').data[0].y[9] - {front.motions.q[row, 9, 0]}) < 1e-4")
-        assert browser.text("point-id") == str(number)
-        assert browser("return document.querySelectorAll('#points tr.selected').length") == 1
-
-
 def test_filtering_hides_points_in_picture_and_table(opened, front):
     browser = opened(front)
     inputs = browser("return [...document.querySelectorAll('#filters input')]")
