@@ -6,13 +6,14 @@ import re
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 import paretoik as pk
 from paretoik import line
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.resolution.horizon import horizon_program, quartic_spline
-from paretoik.resolution.predictive import follow_predictively, schedules
+from paretoik.resolution.predictive import follow_predictively, horizon_program, quartic_spline, schedules
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arms import tringali_3r
 from paretoik.task.retraction import task_errors
@@ -192,3 +193,22 @@ def test_nedungadis_motion_is_the_variational_one():
 def test_what_cannot_be_used_is_refused_by_name(settings, said):
     with pytest.raises(InvalidInput, match=re.escape(said)):
         pk.resolve(tringali_3r(), straight(0.1), pk.methods.PredictiveKineticEnergy(**settings), start=START)
+
+
+@given(pieces=st.integers(1, 6), seed=st.integers(0, 1000))
+def test_the_spline_goes_through_all_points_and_keeps_rates(pieces, seed):
+    rng = np.random.default_rng(seed)
+    points, rate, second = rng.normal(size=(pieces + 1, 2)), rng.normal(size=2), rng.normal(size=2)
+    coefficients = quartic_spline(points, rate, second)
+
+    def at(piece, u, order):
+        return np.array([np.polynomial.Polynomial(column).deriv(order)(u) for column in coefficients[piece].T])
+
+    for piece in range(pieces):
+        np.testing.assert_allclose(at(piece, 0, 0), points[piece], atol=1e-8)
+        np.testing.assert_allclose(at(piece, 1, 0), points[piece + 1], atol=1e-8)
+        for order in (1, 2) if piece else ():
+            np.testing.assert_allclose(at(piece - 1, 1, order), at(piece, 0, order), atol=1e-7)
+    np.testing.assert_allclose([at(0, 0, 1), at(0, 0, 2)], [rate, second], atol=1e-8)
+    for order in (1, 2) if pieces > 1 else (1,):
+        np.testing.assert_allclose(at(pieces - 1, 1, order), 0.0, atol=1e-7)
