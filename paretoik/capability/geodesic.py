@@ -21,7 +21,7 @@ from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.handed_down import HANDED_DOWN
 from paretoik.inputs import ArrayLike, check_flag, check_size, finite_array
 from paretoik.nlp.convex_programs import Pieces
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 
 # Tool paths saved in run folders. The function that saves them belongs to a higher layer; ``paretoik`` registers it.
 
@@ -130,15 +130,13 @@ class GeodesicOptions:
 OPTIONS = GeodesicOptions()
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FastestPath:
     """A path: its points (n, task) [m] and the times (n,) at them [s]."""
 
     points: Float[np.ndarray, "n task"]
     times: Float[np.ndarray, " n"]
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     @property
     def duration(self) -> float:

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_size, shown
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 
 # Polynomials of a position, several at once, with derivatives and bounds over a box.
 
@@ -167,6 +167,7 @@ def model_speeds(
     return speeds_along(model.roots(positions)[0], directions)
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolynomialEllipsoids:
     """Ellipsoids vᵀ P v ≤ 1 with P = Q(p) / s(p)²; log s and the entries of Q are polynomials.
@@ -182,9 +183,6 @@ class PolynomialEllipsoids:
     lower: Float[np.ndarray, " task"]
     upper: Float[np.ndarray, " task"]
 
-    __repr__ = field_representation
-    _repr_html_ = html_representation
-
     speeds = model_speeds
 
     def roots(self, positions: Float[np.ndarray, "*batch task"]) -> Roots:
@@ -199,6 +197,7 @@ class PolynomialEllipsoids:
         return replace(self, polynomials=replace(self.polynomials, coefficients=coefficients))
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxesEllipses:
     """Ellipses by their radii a, b [m/s] and the angle c [rad] of the first, each a polynomial of the position.
@@ -213,9 +212,6 @@ class AxesEllipses:
     axes: Polynomials
     lower: Float[np.ndarray, " task"]
     upper: Float[np.ndarray, " task"]
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     speeds = model_speeds
 

@@ -28,7 +28,7 @@ from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.inputs import ArrayLike, check_choice, check_size, finite_array
 from paretoik.nlp.convex_programs import IntervalSolver, Pieces
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 from paretoik.task.limits import LIMIT_TOLERANCE
 
 # Plans of time-optimal control: the fastest path to the target in a few pieces, by second-order cone programs.
@@ -153,6 +153,7 @@ class Planner:
 # The control loop: it plans in every period.
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TimeOptimalRun:
     """Result of time-optimal control, in samples one period apart.
@@ -179,9 +180,6 @@ class TimeOptimalRun:
     iterations: Int[np.ndarray, " plans"]
     arrival: float
     settled: float
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
 
 def time_optimal_control(

@@ -35,7 +35,7 @@ from paretoik.resolution.protocol import (
     number,
     step_program,
 )
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective, kinetic_energy
 from paretoik.task.retraction import retract_nearest
@@ -314,6 +314,7 @@ class PredictiveKineticEnergy(Method):
 # Predictive minimisation along a path.
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictiveTraces(Traces):
     """The traces of predictions, padded with −1 and NaN if others have more updates.
@@ -331,9 +332,6 @@ class PredictiveTraces(Traces):
     converged: Bool[np.ndarray, "*batch updates"]
     iterations: Int[np.ndarray, "*batch updates"]
     seconds: Float[np.ndarray, "*batch updates"]
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     @property
     def evaluations(self) -> Float[np.ndarray, "*batch"]:

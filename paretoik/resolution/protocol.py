@@ -16,7 +16,7 @@ from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_text, finite_array, likely_spelling, read_list, shown
 from paretoik.robot.kinematics import link_frames
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -93,6 +93,7 @@ DONE, DAMPED, SHORTENED, HELD, LIMITED, MISSED = range(6)  # indices into STATUS
 UNWEIGHTED, LEAST_NORM, CLAMPING = range(3)  # kinds of joint weights
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Traces:
     """The traces of a method's steps.
@@ -123,9 +124,6 @@ class Traces:
     repulsion: Float[np.ndarray, "*batch steps dof"]
     projected: Float[np.ndarray, "*batch steps criteria dof"]
     status: Shaped[np.ndarray, "*batch steps"]
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     def __getitem__(self, index: Any) -> Traces:
         return type(self)(**{each.name: np.asarray(getattr(self, each.name)[index]) for each in fields(self)})
@@ -286,15 +284,13 @@ class Criterion:
         return Parameter(f"gain of {self.objective.name}", lower, upper, scale="log")
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Method:
     """A way to resolve one motion, or a batch of motions.
 
     The numbers of a method are arrays for a batch; ``resolve`` takes any method.
     """
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     def __post_init__(self) -> None:
         for each in fields(self):

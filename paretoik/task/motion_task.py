@@ -17,7 +17,7 @@ from paretoik.inputs import warn_of_odd_objectives
 from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import characteristic_length
 from paretoik.stop_flag import check_interruption
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 from paretoik.task.differences import (
     Derivatives,
     Differences,
@@ -166,6 +166,7 @@ class SampleOptions:
 SAMPLES = SampleOptions()
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionTask:
     """One checked motion problem, made with ``motion_task``."""
@@ -182,9 +183,6 @@ class MotionTask:
     ends_at_rest: bool
     cyclic: bool
     differences: Differences
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     @property
     def times(self) -> Times:

@@ -176,7 +176,10 @@ def test_nedungadis_motion_is_the_variational_one():
     assert np.abs(motion.dq[0, 1:] - motion.traces.velocities[0]).max() < 0.02
     with pytest.raises(Infeasible, match="no velocities satisfy the task"):
         pk.resolve(
-            tringali_3r(), line(FIRST, [0.4895, 0.0], duration=1.0, samples=11), pk.methods.Nedungadi(tolerance=1e-4), start=START
+            tringali_3r(),
+            line(FIRST, [0.4895, 0.0], duration=1.0, samples=11),
+            pk.methods.Nedungadi(tolerance=1e-4),
+            start=START,
         )
 
 
