@@ -122,10 +122,9 @@ def orthogonal_design(
     return orthogonal * np.sqrt(size), triangular / np.sqrt(size)
 
 
-def numerical_rank(matrix: np.ndarray, *, tolerance: float = 1e-9) -> int:
-    """Return a matrix's number of singular values above ``tolerance`` of the largest."""
-    sizes = np.linalg.svd(matrix, compute_uv=False)
-    return int(np.sum(sizes > tolerance * sizes[0]))
+def numerical_rank(matrix: np.ndarray) -> int:
+    """Return a matrix's number of singular values above 1e-9 of the largest."""
+    return int(np.linalg.matrix_rank(matrix, rtol=1e-9))
 
 
 # Speed models: an ellipsoid of velocities at every position.
@@ -269,14 +268,15 @@ def planar_roots(values: Float[np.ndarray, "*batch 4"], gradients: Float[np.ndar
     """
     entries, change = values[..., 1:], gradients[..., 1:, :]
     a, b, d = entries[..., :1], entries[..., 1:2], entries[..., 2:]
+    diagonal, cofactors = np.array([1.0, 0.0, 1.0]), np.array([1.0, -2.0, 1.0])  # ∂(a d − b²) = d ∂a − 2 b ∂b + a ∂d
     with np.errstate(invalid="ignore", divide="ignore"):
         delta = np.sqrt(a * d - b * b)
         square = a + d + 2 * delta
         factor = np.exp(-values[..., :1]) / np.sqrt(square)  # 1 / (s t)
-        by_entry = entries[..., ::-1] * COFACTORS / (2 * delta)  # ∂δ / ∂(a, b, d)
-        change = change + DIAGONAL[:, None] * np.matmul(by_entry[..., None, :], change)
+        by_entry = entries[..., ::-1] * cofactors / (2 * delta)  # ∂δ / ∂(a, b, d)
+        change = change + diagonal[:, None] * np.matmul(by_entry[..., None, :], change)
         trace_change = change[..., :1, :] + change[..., 2:, :]
-        root = factor * (entries + DIAGONAL * delta)
+        root = factor * (entries + diagonal * delta)
         relative = gradients[..., :1, :] + trace_change / (2 * square[..., None])
         change = factor[..., None] * change - root[..., None] * relative
     return root[..., PLANAR_PLACE], change[..., PLANAR_PLACE, :]
@@ -291,8 +291,6 @@ def upper_triangle(parts: int) -> Int[np.ndarray, "task task"]:
 
 
 PLANAR_PLACE = upper_triangle(3)
-DIAGONAL = np.array([1.0, 0.0, 1.0])  # for the entries a, b, d of a symmetric matrix of two rows
-COFACTORS = np.array([1.0, -2.0, 1.0])  # ∂(a d − b²) = d ∂a − 2 b ∂b + a ∂d
 
 
 def check_model(model: object) -> None:

@@ -36,8 +36,6 @@ from paretoik.task.limits import LIMIT_TOLERANCE
 
 Formulation: TypeAlias = Literal["midpoint", "printed"]
 
-PLACES = {"midpoint": 0.5, "printed": 0.0}  # share of a piece at which its limit is taken
-
 
 @dataclass(frozen=True, kw_only=True)
 class PlannerOptions:
@@ -86,7 +84,8 @@ class Planner:
     def __init__(self, model: SpeedModel, *, horizon: int, formulation: Formulation) -> None:
         check_size("horizon", horizon, 1)
         self.model, self.horizon = model, horizon
-        self._place, self._common = PLACES[formulation], formulation == "midpoint"
+        self._common = formulation == "midpoint"
+        self._place = 0.5 if self._common else 0.0  # share of a piece at which its limit is taken
         self._solver = IntervalSolver(horizon, len(model.lower), common=self._common) if horizon > 1 else None
 
     def initial_points(self, start: Float[np.ndarray, " task"], target: Float[np.ndarray, " task"]) -> np.ndarray:
@@ -272,11 +271,11 @@ def time_optimal_control(
 
 
 def _reference(
-    planner: Planner, start: np.ndarray, target: np.ndarray, period: float, *, time_limit: float = 10.0
+    planner: Planner, start: np.ndarray, target: np.ndarray, period: float
 ) -> tuple[np.ndarray, list[Plan], list[float]]:
     """Return references (periods + 1, task) from start to target, plans and computing times [s]."""
     model, points = planner.model, [start]
-    latest = time_limit * path_time(model, np.stack([start, target])) + period
+    latest = 10.0 * path_time(model, np.stack([start, target])) + period
     plans, seconds = list[Plan](), list[float]()
     while np.any(points[-1] != target):
         remaining = target - points[-1]

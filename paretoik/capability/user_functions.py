@@ -21,7 +21,7 @@ from paretoik.autodiff.kinks import Reformulation, copy_entries, reformulate_cho
 from paretoik.autodiff.opcodes import Op
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import TracedArray
-from paretoik.nlp.dense.traced_rows import Part, TracedRows, trace_rows
+from paretoik.nlp.dense.traced_rows import Part, trace_rows
 from paretoik.task.limits import Constraint
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
@@ -123,13 +123,11 @@ class SmoothTerm:
         return lanes[..., :count], lanes[..., count:] / self.units
 
 
-def smooth_term(
-    term: Term, task: MotionTask, near: Motion, *, own_times: bool, probes: int = 64, seed: int = 0
-) -> SmoothTerm:
+def smooth_term(term: Term, task: MotionTask, near: Motion, *, own_times: bool) -> SmoothTerm:
     """Return a term for motions (points, time, dof) like those ``near``, which give the size of numbers.
 
-    Motions are those of ``task``, or, with ``own_times``, of its arm only. Kinks are searched for at ``probes`` points
-    around them. Raises InvalidInput, naming the function, if it has no derivative.
+    Motions are those of ``task``, or, with ``own_times``, of its arm only. Kinks are searched for at 64 points around
+    them. Raises InvalidInput, naming the function, if it has no derivative.
     """
     value = None
     if own_times and term.form in ("integral", "peak"):  # at one sample, if possible
@@ -146,8 +144,8 @@ def smooth_term(
     parameters = np.array(list(motion.trace.parameters.values())).reshape(-1, len(task.times) if local else 1).T
     inputs = len(tape.inputs) - parameters.shape[1]
     columns = _columns(near, inputs, parameters, local)
-    rng, rates = np.random.default_rng(seed), len(ORDERS) * motion.q.entries.size
-    size, columns = np.sqrt(np.mean(columns**2, axis=1, keepdims=True)), rng.choice(columns, probes, axis=1)
+    rng, rates = np.random.default_rng(0), len(ORDERS) * motion.q.entries.size
+    size, columns = np.sqrt(np.mean(columns**2, axis=1, keepdims=True)), rng.choice(columns, 64, axis=1)
     probed = columns + size * rng.normal(size=columns.shape)
     probed[rates:] = columns[rates:]  # intervals and parameters are not perturbed
     labels = [term.label] * len(outputs)
@@ -293,7 +291,9 @@ class TermRows:
                 parts.append(self._part(term, lanes, unknowns, numbers))
                 done += count
             if term.is_sum and not term.term.is_objective:
-                parts.append(Part(program=_bounded_sum(len(tops), term.term.upper), where=tops[None], parameters=none))
+                upper = term.term.upper
+                rows = trace_rows(len(tops), 0, lambda z, _, upper=upper: ([], [upper - sum(z, start=0.0)]))
+                parts.append(Part(program=rows, where=tops[None], parameters=none))
         return tuple(parts)
 
     def _part(self, term: SmoothTerm, lanes: Lanes, unknowns: np.ndarray, numbers: np.ndarray) -> Part:
@@ -313,7 +313,3 @@ class TermRows:
         where = np.concatenate([lanes.where, unknowns], axis=1)
         parameters = np.concatenate([lanes.parameters, numbers], axis=1)
         return Part(program=trace_rows(where.shape[1], parameters.shape[1], rows), where=where, parameters=parameters)
-
-
-def _bounded_sum(count: int, upper: float) -> TracedRows:
-    return trace_rows(count, 0, lambda z, _: ([], [upper - sum(z, start=0.0)]))
