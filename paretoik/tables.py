@@ -71,7 +71,7 @@ def html_representation(item: object) -> str:
 
 def represented(kind: type[Item]) -> type[Item]:
     """Return a dataclass whose text is that of its fields, in notebooks too."""
-    kind.__repr__ = field_representation  # type: ignore[method-assign, assignment]
+    kind.__repr__ = field_representation  # type: ignore[method-assign]
     kind._repr_html_ = html_representation  # type: ignore[attr-defined]
     return kind
 
