@@ -21,7 +21,7 @@ from paretoik.autodiff.kinks import Reformulation, copy_entries, reformulate_cho
 from paretoik.autodiff.opcodes import Op
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import TracedArray
-from paretoik.nlp.dense.traced_rows import Part, trace_rows
+from paretoik.nlp.dense.traced_rows import Part, TracedRows, trace_rows
 from paretoik.task.limits import Constraint
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
@@ -291,9 +291,7 @@ class TermRows:
                 parts.append(self._part(term, lanes, unknowns, numbers))
                 done += count
             if term.is_sum and not term.term.is_objective:
-                upper = term.term.upper
-                rows = trace_rows(len(tops), 0, lambda z, _, upper=upper: ([], [upper - sum(z, start=0.0)]))
-                parts.append(Part(program=rows, where=tops[None], parameters=none))
+                parts.append(Part(program=_bounded_sum(len(tops), term.term.upper), where=tops[None], parameters=none))
         return tuple(parts)
 
     def _part(self, term: SmoothTerm, lanes: Lanes, unknowns: np.ndarray, numbers: np.ndarray) -> Part:
@@ -313,3 +311,7 @@ class TermRows:
         where = np.concatenate([lanes.where, unknowns], axis=1)
         parameters = np.concatenate([lanes.parameters, numbers], axis=1)
         return Part(program=trace_rows(where.shape[1], parameters.shape[1], rows), where=where, parameters=parameters)
+
+
+def _bounded_sum(count: int, upper: float) -> TracedRows:
+    return trace_rows(count, 0, lambda z, _: ([], [upper - sum(z, start=0.0)]))
