@@ -7,11 +7,12 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from html import escape
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 Rows = Sequence[Sequence[str]]
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +67,13 @@ def html_text(text: str) -> str:
 def html_representation(item: object) -> str:
     """Return an item's text as a notebook shows it."""
     return html_text(repr(item))
+
+
+def represented(kind: type[Item]) -> type[Item]:
+    """Return a dataclass whose text is that of its fields, in notebooks too."""
+    kind.__repr__ = field_representation  # type: ignore[method-assign]
+    kind._repr_html_ = html_representation  # type: ignore[attr-defined]
+    return kind
 
 
 def fit_screen(text: str) -> str:

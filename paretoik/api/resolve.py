@@ -155,7 +155,7 @@ def resolve(
 def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotion:
     """Resolve the motion, save and draw it. If the path is lost, record the motion up to the loss."""
     task, cell = resolution.task, workcell_of(resolution)
-    criteria = [each.objective.name for each in resolution.criteria]
+    criteria = [each.objective.name for each in resolution.method.criterion_list]
     assert cell is not None
     scene = ResolvedScene(
         workcell=cell,

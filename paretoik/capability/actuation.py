@@ -19,7 +19,7 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_instance, finite_array, finite_number, real_array, shown
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import freeze
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 
 # Motor curves: the highest speed of a motor at an effort. Source: Kim, Choi & Jang 2021, Eqs. 3 and 4.
 # No motion satisfies the curves as printed; they are read as diamonds here, which motions can satisfy.
@@ -28,6 +28,7 @@ MotorShape = Literal["diamond", "strip", "box"]
 SHAPES: tuple[MotorShape, ...] = get_args(MotorShape)
 
 
+@represented
 @dataclass(frozen=True, init=False, eq=False)
 class MotorCurve:
     """Highest speeds of motors at an effort, one motor per joint.
@@ -47,9 +48,6 @@ class MotorCurve:
     stall: Float[np.ndarray, " dof"]
     fastest: Float[np.ndarray, " dof"]
     shape: MotorShape = "diamond"
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     def __init__(self, *, stall: object, fastest: object, shape: MotorShape = "diamond") -> None:
         check_choice("motor curve: shape", shape, SHAPES)
@@ -128,6 +126,7 @@ def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least_angle: fl
 # Actuations of an arm, and those of the paper.
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointActuation:
     """A motor at every joint. Source: Kim, Choi & Jang 2021, Eq. 4 and Table 3.
@@ -138,9 +137,6 @@ class JointActuation:
     """
 
     motors: MotorCurve
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     def __post_init__(self) -> None:
         if not isinstance(self.motors, MotorCurve):
@@ -181,6 +177,7 @@ class JointActuation:
         return rows
 
 
+@represented
 @dataclass(frozen=True, init=False, eq=False)
 class DistributedActuation:
     """Two sliders per joint, joined by a rod.
@@ -215,9 +212,6 @@ class DistributedActuation:
     zero: Float[np.ndarray, " dof"]
     bend: Float[np.ndarray, " dof"]
     least_angle: Float[np.ndarray, " dof"]
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     def __init__(
         self,

@@ -29,7 +29,7 @@ from paretoik.inputs import check_choice, check_seed, check_size, finite_array
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 
 
 @lru_cache(maxsize=64)
@@ -53,6 +53,7 @@ def _planar_table(arm: Arm) -> tuple[np.ndarray, ...] | None:
 # Directional maxima of a tool at a position.
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerformancePolygon:
     """Highest speeds or forces of an arm at one position, along each direction.
@@ -80,9 +81,6 @@ class PerformancePolygon:
     motor_speeds: Float[np.ndarray, "directions motors dof"]
     motor_efforts: Float[np.ndarray, "directions motors dof"]
     sliders: Float[np.ndarray, "directions 2 dof"] | None
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     def __len__(self) -> int:
         return len(self.values)

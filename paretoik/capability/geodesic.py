@@ -21,7 +21,7 @@ from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.handed_down import HANDED_DOWN
 from paretoik.inputs import ArrayLike, check_flag, check_size, finite_array
 from paretoik.nlp.convex_programs import Pieces
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 
 # Tool paths saved in run folders. The function that saves them belongs to a higher layer; ``paretoik`` registers it.
 
@@ -76,11 +76,9 @@ def check_inside(model: SpeedModel, name: str, point: Float[np.ndarray, " task"]
         raise InvalidInput(f"{name}: coordinate {i} must be in the model's box {box}, got {point[i]:.9g} m")
 
 
-def is_outside(
-    model: SpeedModel, points: Float[np.ndarray, "*batch task"], *, tolerance: float = 1e-9
-) -> Bool[np.ndarray, "*batch task"]:
-    """Return which coordinates are outside the model's box by more than a share of it."""
-    slack = tolerance * (model.upper - model.lower)
+def is_outside(model: SpeedModel, points: Float[np.ndarray, "*batch task"]) -> Bool[np.ndarray, "*batch task"]:
+    """Return which coordinates are outside the model's box by more than 1e-9 of it."""
+    slack = 1e-9 * (model.upper - model.lower)
     return ~((points >= model.lower - slack) & (points <= model.upper + slack))
 
 
@@ -121,24 +119,20 @@ class GeodesicOptions:
     most_samples: int = 2**18
     start_amplitudes: tuple[float, ...] = (0.2, 0.45)  # shares of the distance: sideways amplitudes of start paths
     difference_step: float = 1e-5  # share of the distance, for second derivatives of R
-    active_multiplier: float = (
-        1e-7  # share of the energy per distance: multipliers of strongly active bounds are larger
-    )
+    active_multiplier: float = 1e-7  # share of the energy per distance: those of strongly active bounds are larger
     perturbations: int = 20  # number of perturbations of a path on a saddle: 1/2, 1/4, ... of the distance
 
 
 OPTIONS = GeodesicOptions()
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FastestPath:
     """A path: its points (n, task) [m] and the times (n,) at them [s]."""
 
     points: Float[np.ndarray, "n task"]
     times: Float[np.ndarray, " n"]
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     @property
     def duration(self) -> float:

@@ -72,12 +72,10 @@ class Timing:
         return np.asarray(late)
 
 
-def minimum_timing(
-    arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths, *, travel_tolerance: float = 1e-9
-) -> Timing:
+def minimum_timing(arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths) -> Timing:
     """Return the timing of joint positions and front sliders at samples (*batch, time, dof).
 
-    A motor that travels no more than the tolerance [rad, m] between samples rests, even under its largest load.
+    A motor that travels no more than 1e-9 rad or m between samples rests, even under its largest load.
     """
     middle = (q[..., 1:, :] + q[..., :-1, :]) / 2
     middle_front = (front[..., 1:, :] + front[..., :-1, :]) / 2
@@ -93,7 +91,7 @@ def minimum_timing(
         low, high = curve.speeds(effort[..., m, :])
         change = travel[..., m, :]
         with np.errstate(divide="ignore", invalid="ignore"):
-            times.append(np.where(np.abs(change) <= travel_tolerance, 0.0, change / np.where(change > 0, high, low)))
+            times.append(np.where(np.abs(change) <= 1e-9, 0.0, change / np.where(change > 0, high, low)))
         times[-1] = np.where(np.isnan(high), np.nan, times[-1])
         shares += [np.abs(each[..., m, :]).max(axis=-2) / curve.stall for each in (effort, static_effort)]
     return Timing(

@@ -238,14 +238,11 @@ def limit_excess(arm: Arm, q: Joints) -> Joints:
     return np.asarray(np.maximum(q - upper, lower - q))
 
 
-def overload(
-    arm: Arm, actuation: Actuation, q: Joints, *, without_slider: float = 1e6
-) -> Float[np.ndarray, " postures"]:
-    """Return the largest load of any joint, as a share of its capacity."""
+def overload(arm: Arm, actuation: Actuation, q: Joints) -> Float[np.ndarray, " postures"]:
+    """Return the largest load of any joint, as a share of its capacity; 1e6 if sliders cannot reach the posture."""
     torque, (capacity, _) = gravity_torques(arm, q), torque_capacity(actuation, q)
     share = np.abs(torque) / np.where(capacity > 0, capacity, 1e-300)
-    share = np.where(np.isnan(capacity), without_slider, share)
-    return np.asarray(share.max(axis=1))
+    return np.asarray(np.where(np.isnan(capacity), 1e6, share).max(axis=1))
 
 
 def can_hold(arm: Arm, actuation: Actuation, q: Joints) -> Bool[np.ndarray, " postures"]:

@@ -22,7 +22,7 @@ from paretoik.capability.speed_models import (
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.inputs import check_flag, finite_array, real_array, shown
 from paretoik.nlp.convex_programs import fit_inverse_squares, symmetric_basis
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 
 # Checked samples of directional maxima, and the error of a model at them.
 
@@ -32,6 +32,7 @@ Directions: TypeAlias = Float[np.ndarray, "directions task"]
 Speeds: TypeAlias = Float[np.ndarray, "samples directions"]
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FitErrors:
     """Relative errors of a model's speeds: 0.1 is 10 %.
@@ -45,9 +46,6 @@ class FitErrors:
     underestimate: float
     position: Float[np.ndarray, " task"]
     direction: Float[np.ndarray, " task"]
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
 
 def fit_errors(model: SpeedModel, positions: Positions, directions: Directions, speeds: Speeds) -> FitErrors:

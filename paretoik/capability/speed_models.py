@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_size, shown
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 
 # Polynomials of a position, several at once, with derivatives and bounds over a box.
 
@@ -122,10 +122,9 @@ def orthogonal_design(
     return orthogonal * np.sqrt(size), triangular / np.sqrt(size)
 
 
-def numerical_rank(matrix: np.ndarray, *, tolerance: float = 1e-9) -> int:
-    """Return a matrix's number of singular values above ``tolerance`` of the largest."""
-    sizes = np.linalg.svd(matrix, compute_uv=False)
-    return int(np.sum(sizes > tolerance * sizes[0]))
+def numerical_rank(matrix: np.ndarray) -> int:
+    """Return a matrix's number of singular values above 1e-9 of the largest."""
+    return int(np.linalg.matrix_rank(matrix, rtol=1e-9))
 
 
 # Speed models: an ellipsoid of velocities at every position.
@@ -167,6 +166,7 @@ def model_speeds(
     return speeds_along(model.roots(positions)[0], directions)
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolynomialEllipsoids:
     """Ellipsoids vᵀ P v ≤ 1 with P = Q(p) / s(p)²; log s and the entries of Q are polynomials.
@@ -182,9 +182,6 @@ class PolynomialEllipsoids:
     lower: Float[np.ndarray, " task"]
     upper: Float[np.ndarray, " task"]
 
-    __repr__ = field_representation
-    _repr_html_ = html_representation
-
     speeds = model_speeds
 
     def roots(self, positions: Float[np.ndarray, "*batch task"]) -> Roots:
@@ -199,6 +196,7 @@ class PolynomialEllipsoids:
         return replace(self, polynomials=replace(self.polynomials, coefficients=coefficients))
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxesEllipses:
     """Ellipses by their radii a, b [m/s] and the angle c [rad] of the first, each a polynomial of the position.
@@ -213,9 +211,6 @@ class AxesEllipses:
     axes: Polynomials
     lower: Float[np.ndarray, " task"]
     upper: Float[np.ndarray, " task"]
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     speeds = model_speeds
 
@@ -273,14 +268,15 @@ def planar_roots(values: Float[np.ndarray, "*batch 4"], gradients: Float[np.ndar
     """
     entries, change = values[..., 1:], gradients[..., 1:, :]
     a, b, d = entries[..., :1], entries[..., 1:2], entries[..., 2:]
+    diagonal, cofactors = np.array([1.0, 0.0, 1.0]), np.array([1.0, -2.0, 1.0])  # ∂(a d − b²) = d ∂a − 2 b ∂b + a ∂d
     with np.errstate(invalid="ignore", divide="ignore"):
         delta = np.sqrt(a * d - b * b)
         square = a + d + 2 * delta
         factor = np.exp(-values[..., :1]) / np.sqrt(square)  # 1 / (s t)
-        by_entry = entries[..., ::-1] * COFACTORS / (2 * delta)  # ∂δ / ∂(a, b, d)
-        change = change + DIAGONAL[:, None] * np.matmul(by_entry[..., None, :], change)
+        by_entry = entries[..., ::-1] * cofactors / (2 * delta)  # ∂δ / ∂(a, b, d)
+        change = change + diagonal[:, None] * np.matmul(by_entry[..., None, :], change)
         trace_change = change[..., :1, :] + change[..., 2:, :]
-        root = factor * (entries + DIAGONAL * delta)
+        root = factor * (entries + diagonal * delta)
         relative = gradients[..., :1, :] + trace_change / (2 * square[..., None])
         change = factor[..., None] * change - root[..., None] * relative
     return root[..., PLANAR_PLACE], change[..., PLANAR_PLACE, :]
@@ -295,8 +291,6 @@ def upper_triangle(parts: int) -> Int[np.ndarray, "task task"]:
 
 
 PLANAR_PLACE = upper_triangle(3)
-DIAGONAL = np.array([1.0, 0.0, 1.0])  # for the entries a, b, d of a symmetric matrix of two rows
-COFACTORS = np.array([1.0, -2.0, 1.0])  # ∂(a d − b²) = d ∂a − 2 b ∂b + a ∂d
 
 
 def check_model(model: object) -> None:

@@ -28,15 +28,13 @@ from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.inputs import ArrayLike, check_choice, check_size, finite_array
 from paretoik.nlp.convex_programs import IntervalSolver, Pieces
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 from paretoik.task.limits import LIMIT_TOLERANCE
 
 # Plans of time-optimal control: the fastest path to the target in a few pieces, by second-order cone programs.
 
 
 Formulation: TypeAlias = Literal["midpoint", "printed"]
-
-PLACES = {"midpoint": 0.5, "printed": 0.0}  # share of a piece at which its limit is taken
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +84,8 @@ class Planner:
     def __init__(self, model: SpeedModel, *, horizon: int, formulation: Formulation) -> None:
         check_size("horizon", horizon, 1)
         self.model, self.horizon = model, horizon
-        self._place, self._common = PLACES[formulation], formulation == "midpoint"
+        self._common = formulation == "midpoint"
+        self._place = 0.5 if self._common else 0.0  # share of a piece at which its limit is taken
         self._solver = IntervalSolver(horizon, len(model.lower), common=self._common) if horizon > 1 else None
 
     def initial_points(self, start: Float[np.ndarray, " task"], target: Float[np.ndarray, " task"]) -> np.ndarray:
@@ -153,6 +152,7 @@ class Planner:
 # The control loop: it plans in every period.
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TimeOptimalRun:
     """Result of time-optimal control, in samples one period apart.
@@ -179,9 +179,6 @@ class TimeOptimalRun:
     iterations: Int[np.ndarray, " plans"]
     arrival: float
     settled: float
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
 
 def time_optimal_control(
@@ -274,11 +271,11 @@ def time_optimal_control(
 
 
 def _reference(
-    planner: Planner, start: np.ndarray, target: np.ndarray, period: float, *, time_limit: float = 10.0
+    planner: Planner, start: np.ndarray, target: np.ndarray, period: float
 ) -> tuple[np.ndarray, list[Plan], list[float]]:
     """Return references (periods + 1, task) from start to target, plans and computing times [s]."""
     model, points = planner.model, [start]
-    latest = time_limit * path_time(model, np.stack([start, target])) + period
+    latest = 10.0 * path_time(model, np.stack([start, target])) + period
     plans, seconds = list[Plan](), list[float]()
     while np.any(points[-1] != target):
         remaining = target - points[-1]

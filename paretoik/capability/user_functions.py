@@ -123,13 +123,11 @@ class SmoothTerm:
         return lanes[..., :count], lanes[..., count:] / self.units
 
 
-def smooth_term(
-    term: Term, task: MotionTask, near: Motion, *, own_times: bool, probes: int = 64, seed: int = 0
-) -> SmoothTerm:
+def smooth_term(term: Term, task: MotionTask, near: Motion, *, own_times: bool) -> SmoothTerm:
     """Return a term for motions (points, time, dof) like those ``near``, which give the size of numbers.
 
-    Motions are those of ``task``, or, with ``own_times``, of its arm only. Kinks are searched for at ``probes`` points
-    around them. Raises InvalidInput, naming the function, if it has no derivative.
+    Motions are those of ``task``, or, with ``own_times``, of its arm only. Kinks are searched for at 64 points around
+    them. Raises InvalidInput, naming the function, if it has no derivative.
     """
     value = None
     if own_times and term.form in ("integral", "peak"):  # at one sample, if possible
@@ -146,8 +144,8 @@ def smooth_term(
     parameters = np.array(list(motion.trace.parameters.values())).reshape(-1, len(task.times) if local else 1).T
     inputs = len(tape.inputs) - parameters.shape[1]
     columns = _columns(near, inputs, parameters, local)
-    rng, rates = np.random.default_rng(seed), len(ORDERS) * motion.q.entries.size
-    size, columns = np.sqrt(np.mean(columns**2, axis=1, keepdims=True)), rng.choice(columns, probes, axis=1)
+    rng, rates = np.random.default_rng(0), len(ORDERS) * motion.q.entries.size
+    size, columns = np.sqrt(np.mean(columns**2, axis=1, keepdims=True)), rng.choice(columns, 64, axis=1)
     probed = columns + size * rng.normal(size=columns.shape)
     probed[rates:] = columns[rates:]  # intervals and parameters are not perturbed
     labels = [term.label] * len(outputs)

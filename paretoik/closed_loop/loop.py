@@ -108,15 +108,15 @@ def explain_no_step(step: StepState) -> str:
     return f"{reason}; the arm is {distance:.3g} m from {describe_nearest_obstacle(task, step.previous)}"
 
 
-def reachable_share(step: StepState, *, farthest: float = 1e3) -> tuple[float, Int[np.ndarray, " joints"]]:
+def reachable_share(step: StepState) -> tuple[float, Int[np.ndarray, " joints"]]:
     """Return the largest share of Δx within joint bounds, by a linear program, and the joints at their bounds.
 
-    Bounds beyond ``farthest`` [rad, m] are reduced to it. Source of Δx: Eq. 8.
+    Bounds beyond 1000 rad or m are reduced to it. Source of Δx: Eq. 8.
     """
     error, jacobian = step.linearise()
     if not error.any():
         return 1.0, np.zeros(0, dtype=int)
     # maximise s subject to J Δq = s Δx, low ≤ Δq ≤ high
-    low, high = np.clip(step.lower, -farthest, 0.0), np.clip(step.upper, 0.0, farthest)
+    low, high = np.clip(step.lower, -1e3, 0.0), np.clip(step.upper, 0.0, 1e3)
     share, moved = furthest(jacobian, low, high, error)
     return max(share, np.finfo(float).tiny), np.flatnonzero((moved <= low) | (moved >= high))

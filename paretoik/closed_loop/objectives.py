@@ -28,18 +28,11 @@ else:
 class Step:
     """A batch of steps (..., time): the last samples, with the step's end last.
 
-    Attributes
-    ----------
-    motion
-        Positions, rates, torques and the other fields of a ``Motion``.
-    home
-        Joint positions (dof,) in which the loop began.
-    position_error
-        Distance of the tool from its target (..., time, axes) [m].
-    rotation_error
-        Rotation of the tool away from its target (..., time, axes) [rad].
-    dt
-        Time between steps [s].
+    motion: positions, rates, torques and the other fields of a ``Motion``
+    home: joint positions (dof,) in which the loop began
+    position_error: distance of the tool from its target (..., time, axes) [m]
+    rotation_error: rotation of the tool away from its target (..., time, axes) [rad]
+    dt: time between steps [s]
     """
 
     motion: MotionLike

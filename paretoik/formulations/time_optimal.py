@@ -12,8 +12,7 @@ from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.capability.time_optimal import TimeOptimalRun, time_optimal_control
 from paretoik.errors import EvaluationFailed, InvalidInput, SolverFailed
 from paretoik.inputs import finite_array, integer_array, shown
-from paretoik.resolution.parameters import Number, Parameter
-from paretoik.resolution.protocol import HELD, STATUS, Method, ResolvedMotion, Traces, empty_traces
+from paretoik.resolution.protocol import HELD, STATUS, Method, Number, Parameter, ResolvedMotion, Traces, empty_traces
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract_nearest, task_errors
 

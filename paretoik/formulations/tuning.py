@@ -29,8 +29,7 @@ from paretoik.inputs import (
     shown,
 )
 from paretoik.resolution.measures import limit_margin, speed_ratio, tracking_error
-from paretoik.resolution.parameters import Parameter
-from paretoik.resolution.protocol import Method, ResolvedMotion
+from paretoik.resolution.protocol import Method, Parameter, ResolvedMotion
 from paretoik.robot.arm import Arm
 from paretoik.task.limits import Constraint
 from paretoik.task.motion_task import MotionTask

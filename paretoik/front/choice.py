@@ -17,7 +17,7 @@ from paretoik.front.certificates import WEIGHT_TOLERANCE
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
 from paretoik.front.points import NAVIGATIONS, FrontData, merge_named
 from paretoik.inputs import check_text, finite_number, shown
-from paretoik.tables import field_representation, fit_screen, html_representation
+from paretoik.tables import fit_screen, html_representation, represented
 
 if TYPE_CHECKING:
     Front = Any  # stands for ``front.Front`` in annotations of preferences
@@ -84,6 +84,7 @@ class Prediction:
     _repr_html_ = html_representation
 
 
+@represented
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
     """Another point compared with the chosen one.
@@ -97,10 +98,8 @@ class Comparison:
     gains: Mapping[str, float]
     costs: Mapping[str, float]
 
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
-
+@represented
 @dataclass(frozen=True, kw_only=True)
 class ExchangeRate:
     """Cost in ``cost`` of one unit of ``gain`` at the chosen point, the other objectives unchanged.
@@ -119,9 +118,6 @@ class ExchangeRate:
     holds_to: int | None = None
     holds_for: float = 0.0
     fails_at: int | None = None
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -21,7 +21,7 @@ from paretoik.front.points import FrontData, row_of
 from paretoik.front.storage import stored_points
 from paretoik.runs.file_replacement import only_writer, replace_file
 from paretoik.runs.files import CHOICES, RUN, check_digest, read_run, run_bytes, to_json
-from paretoik.tables import field_representation, fit_screen, html_representation
+from paretoik.tables import fit_screen, represented
 
 ENTRY_TYPES = {
     "id": int,
@@ -34,6 +34,7 @@ ENTRY_TYPES = {
 }
 
 
+@represented
 @dataclass(frozen=True, kw_only=True)
 class KeptChoice:
     """One kept choice.
@@ -53,9 +54,6 @@ class KeptChoice:
     reason: str
     time: str
     former: Mapping[str, Any] | None = None
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,7 +28,7 @@ from paretoik.inputs import (
     real_array,
     shown,
 )
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 
 RESERVED_NAMES = ("id", "violation", "violation_between", "criticality", "kkt_residual", "status", "reason")
 
@@ -78,6 +78,7 @@ class StoredJoints:
     joint_names: tuple[str, ...]
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StoredMotions:
     """Motions as read from a run folder, without their arm."""
@@ -85,9 +86,6 @@ class StoredMotions:
     arm: StoredJoints
     time: np.ndarray
     q: np.ndarray
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     def __len__(self) -> int:
         return len(self.q)

@@ -23,7 +23,7 @@ from paretoik.resolution.protocol import (
     Traces,
     step_program,
 )
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import OPTIONS as RETRACTION_OPTIONS
 from paretoik.task.retraction import row_scales
@@ -274,6 +274,7 @@ def intersection(bounds: Float[np.ndarray, "kinds *batch dof 2"]) -> Float[np.nd
 ACTIVE = np.array(["", *(f"{side} {kind}" for kind in KINDS for side in ("lower", "upper")), "clearance"])
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ConstrainedTraces(Traces):
     """The traces of a motion within limits.
@@ -284,9 +285,6 @@ class ConstrainedTraces(Traces):
     """
 
     active: Shaped[np.ndarray, "*batch steps limits"]
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
 
 class _Linearisation(NamedTuple):

@@ -11,16 +11,13 @@ import os
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Literal, TypeVar, get_args
+from typing import ClassVar, Literal, Self, get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_choice, finite_array, read_list, shown
-from paretoik.resolution.parameters import Number as Number
-from paretoik.resolution.parameters import Parameter as Parameter
-from paretoik.resolution.parameters import number
 from paretoik.resolution.predictive import PredictiveKineticEnergy as PredictiveKineticEnergy
 from paretoik.resolution.protocol import (
     CLAMPING,
@@ -30,10 +27,13 @@ from paretoik.resolution.protocol import (
     ResolvedMotion,
     broadcast_shape,
     empty_traces,
+    number,
     step_program,
 )
 from paretoik.resolution.protocol import Criterion as Criterion
 from paretoik.resolution.protocol import Method as Method
+from paretoik.resolution.protocol import Number as Number
+from paretoik.resolution.protocol import Parameter as Parameter
 from paretoik.task.limits import position_ranges
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -62,8 +62,6 @@ def __dir__() -> list[str]:
 
 SETTINGS = "region", "damping", "buffer", "repulsion", "band"  # columns after the feedback, 0 for methods without them
 Variant = Literal["paper", "consistent"]
-Gradient = TypeVar("Gradient", bound="GradientProjection")
-Weighted = TypeVar("Weighted", bound="WeightedGradientProjection")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -224,7 +222,7 @@ class GradientProjection(DampedLeastSquares):
         """Return the numbers searched by default, and each criterion's gain."""
         return (*super().parameters(times), *(one.parameter for one in self.criterion_list))
 
-    def with_values(self: Gradient, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Gradient:
+    def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Self:
         """Return the method with values (motions,) in place of some numbers or gains of criteria."""
         gains = {one.parameter.name: one for one in self.criterion_list}
         criteria = [replace(one, gain=values.get(name, one.gain)) for name, one in gains.items()]
@@ -272,7 +270,7 @@ class WeightedGradientProjection(GradientProjection):
         names = self._priority_names if len(self.criterion_list) > 1 else []
         return (*super().parameters(times), *(Parameter(name, 0.0, 1.0) for name in names))
 
-    def with_values(self: Weighted, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Weighted:
+    def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Self:
         """Return the method with values (motions,) in place of some numbers, gains or priorities."""
         names = self._priority_names
         method = super().with_values({k: v for k, v in values.items() if k not in names}, times)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import KW_ONLY, dataclass, fields, replace
 from functools import lru_cache
-from typing import Any, TypeVar
+from typing import Any, Literal, Self, TypeAlias, get_args
 
 import numpy as np
 from jaxtyping import Float, Shaped
@@ -14,10 +14,9 @@ from paretoik.autodiff.differentiation import dependencies, gradient
 from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
-from paretoik.inputs import finite_array, likely_spelling, shown
-from paretoik.resolution.parameters import Number, Parameter
+from paretoik.inputs import check_choice, check_text, finite_array, likely_spelling, read_list, shown
 from paretoik.robot.kinematics import link_frames
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -94,6 +93,7 @@ DONE, DAMPED, SHORTENED, HELD, LIMITED, MISSED = range(6)  # indices into STATUS
 UNWEIGHTED, LEAST_NORM, CLAMPING = range(3)  # kinds of joint weights
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Traces:
     """The traces of a method's steps.
@@ -124,9 +124,6 @@ class Traces:
     repulsion: Float[np.ndarray, "*batch steps dof"]
     projected: Float[np.ndarray, "*batch steps criteria dof"]
     status: Shaped[np.ndarray, "*batch steps"]
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     def __getitem__(self, index: Any) -> Traces:
         return type(self)(**{each.name: np.asarray(getattr(self, each.name)[index]) for each in fields(self)})
@@ -181,11 +178,69 @@ def empty_traces(count: int, time: int, dof: int, rows: int, criteria: int) -> d
     }
 
 
-# Methods and their numbers.
+# Methods and their numbers: values, ranges, and the scales on which they are searched.
+
+
+Number: TypeAlias = float | np.ndarray
+Scale = Literal["linear", "log", "integer"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that is searched between bounds.
+
+    name: name of the number
+    lower, upper: bounds
+    scale: "linear", "log" to search its decimal logarithm, or "integer" for whole numbers
+    fields: fields of the method that the number sets, by default the field of the same name
+
+    Raises InvalidInput for invalid bounds.
+    """
+
+    name: str
+    lower: float
+    upper: float
+    _: KW_ONLY
+    scale: Scale = "linear"
+    fields: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_text("parameter: name", self.name)
+        label = f"parameter {self.name}"
+        check_choice(f"{label}: scale", self.scale, get_args(Scale))
+        fields = read_list(f"{label}: fields", self.fields, str, "names of fields")
+        lower, upper = (finite_array(f"{label}, {side}", getattr(self, side), ()) for side in ("lower", "upper"))
+        if not lower <= upper:
+            raise InvalidInput(f"{label}: lower bound must be at most the upper one, got {lower:g} to {upper:g}")
+        if self.scale == "log" and not lower > 0:
+            raise InvalidInput(f"{label}: lower bound must be above 0 on a log scale, got {lower:g}")
+        if self.scale == "integer" and (lower % 1 or upper % 1):
+            raise InvalidInput(f"{label}: bounds must be whole on an integer scale, got {lower:g} to {upper:g}")
+        object.__setattr__(self, "fields", fields or (self.name,))
+
+    @property
+    def gene_bounds(self) -> tuple[float, float]:
+        """Lower and upper bound of the gene."""
+        if self.scale == "log":
+            return float(np.log10(self.lower)), float(np.log10(self.upper))
+        margin = 1 - 1e-9 if self.scale == "integer" else 0.0  # so that the upper bound can be reached by rounding down
+        return float(self.lower), float(self.upper) + margin
+
+    def decode(self, genes: Float[np.ndarray, " points"]) -> Shaped[np.ndarray, " points"]:
+        """Return the values of genes."""
+        if self.scale == "log":
+            return np.asarray(10.0**genes)
+        return np.floor(genes).astype(int) if self.scale == "integer" else genes
+
+
+def number(
+    *, below: float = np.inf, search: tuple[float, float] | None = None, scale: Scale = "linear"
+) -> dict[str, Any]:
+    """Return the metadata of a field from 0 to less than ``below``, searched in ``search`` by default."""
+    return {"below": below, "search": search, "scale": scale}
 
 
 TRACKING_TOLERANCE = 0.01  # m or rad: a motion farther off its path has lost the path
-Tuned = TypeVar("Tuned", bound="Method")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -229,15 +284,13 @@ class Criterion:
         return Parameter(f"gain of {self.objective.name}", lower, upper, scale="log")
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Method:
     """A way to resolve one motion, or a batch of motions.
 
     The numbers of a method are arrays for a batch; ``resolve`` takes any method.
     """
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -259,7 +312,7 @@ class Method:
         searched = [each for each in fields(self) if each.metadata.get("search") is not None]
         return tuple(Parameter(each.name, *each.metadata["search"], scale=each.metadata["scale"]) for each in searched)
 
-    def with_values(self: Tuned, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Tuned:
+    def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Self:
         """Return the method with a value per motion (motions,) for some numbers; raises InvalidInput."""
         searched = [each.name for each in self.parameters(times)]
         names = dict.fromkeys([*searched, *(each.name for each in fields(self))])

@@ -14,7 +14,6 @@ from paretoik.inputs import check_choice, check_seed, degrees_hint, finite_array
 from paretoik.resolution.constrained import ConstrainedTraces
 from paretoik.resolution.methods import (
     ConstrainedQP,
-    Criterion,
     Method,
     Nedungadi,
     PredictiveKineticEnergy,
@@ -50,11 +49,6 @@ class Resolution:
     starts: Float[np.ndarray, "*batch dof"]
     unreachable: Unreachable
     tolerance: float
-
-    @property
-    def criteria(self) -> Sequence[Criterion]:
-        """The secondary criteria of the method."""
-        return self.method.criterion_list
 
 
 def resolution_of(
@@ -118,7 +112,7 @@ def resolve(resolution: Resolution) -> ResolvedMotion:
     Unless ``unreachable`` is "track", raises Infeasible if the path is lost, EvaluationFailed if a criterion is not
     finite.
     """
-    task, criteria, tolerance = resolution.task, resolution.criteria, resolution.tolerance
+    task, criteria, tolerance = resolution.task, resolution.method.criterion_list, resolution.tolerance
     motion = resolution.method.follow(task, resolution.starts, tolerance=tolerance)
     if resolution.unreachable == "track":
         return motion

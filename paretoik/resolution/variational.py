@@ -35,14 +35,19 @@ from paretoik.task.validation import START_TOLERANCE
 
 
 @dataclass(frozen=True, kw_only=True)
-class EquationOptions:
-    """Settings of the equation of motion."""
+class ExtremalOptions:
+    """Settings of the equation of motion, and of its integration's step size control."""
 
     knots: int = 2000  # number of knots of the splines through the targets, for time derivatives
     massless: float = 1e-12  # ratio of the inertia matrix's eigenvalues below which a joint moves no mass
+    first_step: float = 1e-2  # share of the duration
+    shortest_step: float = 1e-5  # share of the duration: shorter steps mean a singularity
+    safety: float = 0.9  # factor of the step length that the error estimate allows (Hairer et al. 1993, section II.4)
+    smallest_change: float = 0.2  # smallest factor of the step length from one step to the next
+    largest_change: float = 5.0
 
 
-EQUATION_OPTIONS = EquationOptions()
+OPTIONS = ExtremalOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,9 +111,9 @@ def equation_of_motion(task: MotionTask) -> EquationOfMotion:
         raise InvalidInput("variational: motion must be open, got a cyclic one")
     inertia = dynamics.inertia_matrix(task.arm, np.full((1, task.arm.dof), 0.5))[0]
     smallest, largest = np.linalg.eigvalsh(inertia)[[0, -1]]
-    if smallest <= EQUATION_OPTIONS.massless * largest:
+    if smallest <= OPTIONS.massless * largest:
         raise InvalidInput(f"variational: every joint of the arm must move a mass, got {task.arm.name}")
-    parts = max(1, -(-EQUATION_OPTIONS.knots // (len(task.times) - 1)))
+    parts = max(1, -(-OPTIONS.knots // (len(task.times) - 1)))
     knots = np.interp(np.arange(parts * (len(task.times) - 1) + 1) / parts, np.arange(len(task.times)), task.times)
     spline = make_interp_spline(knots, path_targets(task.tasks, knots), k=5)
     # The program of ``Terms``, of q, q̇, and the targets with two time derivatives. The path equations h(q, x) = 0 are
@@ -151,20 +156,6 @@ def _solve_kkt(terms: Terms, force: np.ndarray, rates: np.ndarray) -> np.ndarray
 
 
 # Motions of least kinetic energy, by integration.
-
-
-@dataclass(frozen=True, kw_only=True)
-class IntegrationOptions:
-    """Settings of the step size control."""
-
-    first_step: float = 1e-2  # share of the duration
-    shortest_step: float = 1e-5  # share of the duration: shorter steps mean a singularity
-    safety: float = 0.9  # factor of the step length that the error estimate allows (Hairer et al. 1993, section II.4)
-    smallest_change: float = 0.2  # smallest factor of the step length from one step to the next
-    largest_change: float = 5.0
-
-
-OPTIONS = IntegrationOptions()
 
 
 def extremal_paths(

@@ -1,7 +1,7 @@
 """Inverse dynamics, inertia matrix, kinetic energy and power, in batches.
 
-The torques and the inertia are computed by one recursion. One recursion (Newton–Euler, in link frames) gives torques
-and inertia. Source: Featherstone, Rigid Body Dynamics Algorithms, chapter 5; Luh, Walker & Paul 1980.
+One recursion (Newton–Euler, in link frames) gives torques and inertia.
+Source: Featherstone, Rigid Body Dynamics Algorithms, chapter 5; Luh, Walker & Paul 1980.
 """
 
 from __future__ import annotations
@@ -94,12 +94,6 @@ def energy_components(arm: SerialChain, q: Sequence[Component], dq: Sequence[Com
         )
         doubled = plus(doubled, plus(times(link.mass, dot(velocity, velocity)), rotational))
     return [times(0.5, doubled)]
-
-
-def power(torque: Joints, dq: Joints) -> Joints:
-    """Return each joint's mechanical power τᵢ q̇ᵢ (*batch, dof) [W]."""
-    watts: Joints = np.multiply(torque, dq)
-    return watts
 
 
 def _cosines_and_sines(

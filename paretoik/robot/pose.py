@@ -14,11 +14,12 @@ from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_angles, check_magnitude, finite_array, finite_number, shown
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 
 UNIT_TOLERANCE = 1e-6  # largest error of a quaternion's length or a matrix's orthogonality that is corrected
 
 
+@represented
 @dataclass(frozen=True, init=False, eq=False)
 class Pose:
     """Position and orientation of one frame.
@@ -37,9 +38,6 @@ class Pose:
 
     position: Float[np.ndarray, "*batch 3"]
     quaternion: Float[np.ndarray, "*batch 4"]
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     def __init__(self, position: ArrayLike, quaternion: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> None:
         coordinates = finite_array("pose position", position, shape=(3,))

@@ -19,7 +19,7 @@ from paretoik.search.genes import SMALLEST_POPULATION, check_algorithm, check_pr
 from paretoik.search.maximin import column, survivors
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.objectives import EQUALITY_TOLERANCE, TOLERANCE, column_tolerance, describe_objectives, violations
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import html_representation, represented
 
 if TYPE_CHECKING:
     from paretoik.front.front import Front
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 # Candidates, their outcomes, and the front of an archive.
 
 
+@represented
 @dataclass(frozen=True, eq=False)
 class Candidates:
     """Genes ``X`` (n, genes) to evaluate, their ``ids`` (n,), and the index of their generation, from 0."""
@@ -34,9 +35,6 @@ class Candidates:
     ids: Ids
     X: Genes
     generation: int
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
 
 def outcome_of(problem: Any, results: Mapping[str, Any], rows: int) -> dict[str, np.ndarray]:

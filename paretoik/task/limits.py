@@ -28,7 +28,7 @@ from paretoik.inputs import (
 )
 from paretoik.robot.arm import Arm, check_arm
 from paretoik.robot.kinematics import characteristic_length, joint_scales
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Form, Function, evaluate_function, evaluate_integral
 
@@ -60,6 +60,7 @@ JOINT_UNITS = {kind: each.units for kind, each in LIMIT_KINDS.items()}
 Bounds = Float[np.ndarray, "#time dof 2"]
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Limits:
     """Limits on joint position, velocity, acceleration, torque and power |τᵢ q̇ᵢ|.
@@ -89,9 +90,6 @@ class Limits:
     power: object = None
     clearance: float = 0.0
     margin: float = 0.0
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     def __post_init__(self) -> None:
         for kind in LIMIT_KINDS:

@@ -202,7 +202,7 @@ class Motion:
     @cached_property
     def power(self) -> JointPaths:
         """Mechanical joint powers τᵢ q̇ᵢ (*batch, time, dof) [W]."""
-        return read_only(dynamics.power(self.torque, self.dq))
+        return read_only(self.torque * self.dq)
 
     @cached_property
     def kinetic_energy(self) -> Series:

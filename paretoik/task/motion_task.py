@@ -17,7 +17,7 @@ from paretoik.inputs import warn_of_odd_objectives
 from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import characteristic_length
 from paretoik.stop_flag import check_interruption
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 from paretoik.task.differences import (
     Derivatives,
     Differences,
@@ -166,6 +166,7 @@ class SampleOptions:
 SAMPLES = SampleOptions()
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionTask:
     """One checked motion problem, made with ``motion_task``."""
@@ -182,9 +183,6 @@ class MotionTask:
     ends_at_rest: bool
     cyclic: bool
     differences: Differences
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     @property
     def times(self) -> Times:
@@ -364,20 +362,17 @@ class MotionTask:
                 errors[i] = [np.abs(each(finer) - each(motion)).item() for each in self.objectives]
         return errors
 
-    def describe_between(self, motions: Motion, *, tolerance: float = LIMIT_TOLERANCE) -> str:
-        """Return in words the limit most violated between samples, and a remedy.
+    def describe_between(self, motions: Motion) -> str:
+        """Return in words the limit most violated between samples by motions (points, time, dof), and a remedy.
 
-        motions: motions (points, time, dof)
-        tolerance: fraction of a limit's range
-
-        The text is "" if no limit is exceeded by more than ``tolerance`` of its range.
+        The text is "" if no limit is exceeded.
         """
         try:
             dense = finer_motion(motions)
         except Infeasible as error:
             return f"between samples: {error}; more samples help"
         worst = self.violations(dense).max(axis=1, initial=0.0)
-        if not len(worst) or worst.max() <= tolerance:
+        if not len(worst) or worst.max() <= LIMIT_TOLERANCE:
             return ""
         remedy = "more samples help" if self.differences == "spline" else 'differences="spline" or a margin= help'
         return f"between samples: {self.describe_violation(dense[int(worst.argmax())])}; {remedy}"

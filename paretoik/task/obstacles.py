@@ -14,7 +14,7 @@ from paretoik.arrays import Vector3
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_magnitude, finite_array, positive_number
 from paretoik.robot.pose import Pose, check_pose, freeze
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 
 __all__ = ["Box", "Capsule", "Circle", "Obstacle", "Sphere"]
 
@@ -23,6 +23,7 @@ def __dir__() -> list[str]:
     return __all__
 
 
+@represented
 @dataclass(frozen=True, init=False, eq=False)
 class Circle:
     """A disc in the xy-plane; in space an infinite cylinder along z.
@@ -34,13 +35,11 @@ class Circle:
     center: Float[np.ndarray, " 2"]
     radius: float
 
-    __repr__ = field_representation
-    _repr_html_ = html_representation
-
     def __init__(self, center: ArrayLike, radius: float) -> None:
         freeze(self, center=_point("circle center", center, 2), radius=positive_number("circle radius", radius, "m"))
 
 
+@represented
 @dataclass(frozen=True, init=False, eq=False)
 class Sphere:
     """A ball.
@@ -52,13 +51,11 @@ class Sphere:
     center: Vector3
     radius: float
 
-    __repr__ = field_representation
-    _repr_html_ = html_representation
-
     def __init__(self, center: ArrayLike, radius: float) -> None:
         freeze(self, center=_point("sphere center", center, 3), radius=positive_number("sphere radius", radius, "m"))
 
 
+@represented
 @dataclass(frozen=True, init=False, eq=False)
 class Capsule:
     """The points within a radius of a segment.
@@ -71,14 +68,12 @@ class Capsule:
     end: Vector3
     radius: float
 
-    __repr__ = field_representation
-    _repr_html_ = html_representation
-
     def __init__(self, start: ArrayLike, end: ArrayLike, radius: float) -> None:
         ends = {"start": _point("capsule start", start, 3), "end": _point("capsule end", end, 3)}
         freeze(self, **ends, radius=positive_number("capsule radius", radius, "m"))
 
 
+@represented
 @dataclass(frozen=True, init=False, eq=False)
 class Box:
     """A box, or a rectangle in its own xy-plane.
@@ -91,9 +86,6 @@ class Box:
 
     pose: Pose
     half_sizes: Float[np.ndarray, " axes"]
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     def __init__(self, center: Pose | ArrayLike, half_sizes: ArrayLike) -> None:
         sizes = finite_array("box half_sizes", half_sizes)

@@ -38,7 +38,7 @@ from paretoik.robot.kinematics import (
     link_frames,
 )
 from paretoik.robot.pose import Frame, quaternion_to_matrix, rotation_vector
-from paretoik.tables import field_representation, html_representation
+from paretoik.tables import represented
 from paretoik.task.path import Path
 
 # Orientation errors of a frame relative to a desired rotation, in components (expressions or numbers)
@@ -103,6 +103,7 @@ AXES: dict[str | None, tuple[int, tuple[int, ...]]] = {  # coordinates, and entr
 }
 
 
+@represented
 @dataclass(frozen=True, eq=False)
 class Task:
     """A frame of the arm that follows a path.
@@ -120,9 +121,6 @@ class Task:
     path: Path
     frame: str = TOOL_FRAME
     axes: Axes | None = None
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
     def __post_init__(self) -> None:
         check_instance("path", self.path, Path, "a Path", example="pk.line(...)")

@@ -31,7 +31,7 @@ from paretoik.pareto.certificates import confirmed_criticality
 from paretoik.pareto.scalarisation import Observe, insert_best, minimise_from, naming_objective
 from paretoik.pareto.sweep import OPTIONS as EPSILON
 from paretoik.stop_flag import Interrupted
-from paretoik.tables import columns, field_representation, fit_screen, html_representation
+from paretoik.tables import columns, fit_screen, html_representation, represented
 from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, evaluate_motions
@@ -61,6 +61,7 @@ EXCEEDS = "limits exceeded between samples"  # status of an optimum that exceeds
 UNDER_RESOLVED = "under-resolved"  # status of an optimum whose value differs too much from that of its curve
 
 
+@represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Optimum:
     """A locally optimal motion.
@@ -84,9 +85,6 @@ class Optimum:
     violation_between: float
     criticality: float = np.nan
     discretisation_error: float = np.nan
-
-    __repr__ = field_representation
-    _repr_html_ = html_representation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

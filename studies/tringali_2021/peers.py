@@ -16,8 +16,7 @@ import numpy as np
 from casadi import SX, cos, cumsum, dot, sin, vertcat
 
 import paretoik as pk
-from paretoik.resolution.horizon import HorizonProgram, HorizonSolution, horizon_program
-from paretoik.resolution.predictive import follow_predictively
+from paretoik.resolution.predictive import HorizonProgram, HorizonSolution, follow_predictively, horizon_program
 from paretoik.resolution.protocol import TRACKING_TOLERANCE
 from problems import tringali_2021
 from problems.tringali_2021 import LENGTHS, START

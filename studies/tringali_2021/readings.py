@@ -14,8 +14,16 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import paretoik as pk
-from paretoik.resolution.horizon import DEGREE, HorizonSolution, horizon_program, quartic_spline
-from paretoik.resolution.predictive import HorizonSolver, MakeSolver, MakeSpline, follow_predictively
+from paretoik.resolution.predictive import (
+    DEGREE,
+    HorizonSolution,
+    HorizonSolver,
+    MakeSolver,
+    MakeSpline,
+    follow_predictively,
+    horizon_program,
+    quartic_spline,
+)
 from paretoik.resolution.protocol import TRACKING_TOLERANCE
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective

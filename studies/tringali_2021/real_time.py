@@ -8,8 +8,14 @@ import numpy as np
 from scipy.optimize import minimize
 
 import paretoik as pk
-from paretoik.resolution.horizon import HorizonProgram, HorizonSolution, horizon_program
-from paretoik.resolution.predictive import MakeSolver, PredictiveTraces, follow_predictively
+from paretoik.resolution.predictive import (
+    HorizonProgram,
+    HorizonSolution,
+    MakeSolver,
+    PredictiveTraces,
+    follow_predictively,
+    horizon_program,
+)
 from paretoik.resolution.protocol import TRACKING_TOLERANCE
 from paretoik.task.motion_task import MotionTask
 from problems import tringali_2021

@@ -18,8 +18,7 @@ from jaxtyping import Float
 from scipy.interpolate import make_interp_spline
 
 import paretoik as pk
-from paretoik.resolution.horizon import DEGREE, quartic_spline
-from paretoik.resolution.predictive import follow_predictively
+from paretoik.resolution.predictive import DEGREE, follow_predictively, quartic_spline
 from paretoik.resolution.protocol import TRACKING_TOLERANCE
 from paretoik.runs.distribution import Executor
 from problems import tringali_2021

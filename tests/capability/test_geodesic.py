@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 from paretoik.capability import geodesic as module
 from paretoik.capability.geodesic import fastest_path, linearise_pieces, path_time
 from paretoik.errors import InvalidInput, SolverFailed
-from tests.capability.fields import TASKS, field
+from tests.capability.fields import field
 
 
 @dataclass(frozen=True)
@@ -172,8 +172,7 @@ def test_at_even_speed_the_way_is_straight(task):
     assert path.points == pytest.approx(np.linspace(start, target, 101), abs=1e-9)
 
 
-@pytest.mark.parametrize("task", [2, 3])
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("seed", "task"), [(0, 2), (1, 3)])
 def test_no_path_nearby_is_faster(seed, task):
     model, (start, target) = Waves(seed, task), ends(seed, task)
     path, rng = fastest_path(model, start, target), np.random.default_rng(seed)
@@ -253,8 +252,7 @@ def path_in(model, count, seed=0):
     return model.lower + rng.uniform(0.2, 0.8, size=(count, len(model.lower))) * (model.upper - model.lower)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.8])
-@pytest.mark.parametrize("size", TASKS)
+@pytest.mark.parametrize(("size", "share"), [(2, 0.8), (3, 0.0)])
 def test_pieces_are_the_models_and_their_derivatives_those_of_differences(size, share):
     model = field(size)
     points = path_in(model, 6)

@@ -13,7 +13,7 @@ from paretoik.errors import Infeasible
 from tests.robot.planar_postures import all_postures, statics
 
 AROUND = 4000
-ARMS = 150
+ARMS = 60
 GRAVITY = np.array([1.3, -9.7])
 
 

@@ -57,7 +57,7 @@ def test_ellipsoids_of_one_shape_and_any_size_come_back(task, degree):
 @pytest.mark.parametrize("task", TASKS)
 def test_ellipsoids_of_any_shape_come_back_better_with_a_higher_degree(task):
     truth = field(task, degree=1)
-    positions, directions = within(truth, 80), units(12, task=task)
+    positions, directions = within(truth, 40), units(9, task=task)
     samples = positions, directions, truth.speeds(positions, directions)
     errors = [np.abs(log_errors(fit_ellipsoids(*samples, degree=degree), *samples)).max() for degree in (1, 2, 3)]
     assert errors[2] < 0.3 * errors[1] < 0.1 * errors[0]

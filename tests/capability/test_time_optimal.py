@@ -39,13 +39,13 @@ def test_a_plan_of_ten_pieces_claims_nearly_what_its_path_takes(seed):
 
 
 @pytest.mark.parametrize(
-    ("model", "start", "target", "columns"), [(Waves(1), (4, 6), (35, 30), 41), (Ridge(), (4, 100), (36, 100), 201)]
+    ("model", "start", "target", "columns"), [(Waves(1), (4, 6), (35, 30), 41), (Ridge(), (4, 50), (36, 50), 101)]
 )
 def test_plans_and_control_take_as_long_as_the_best_way_along_a_lattice(model, start, target, columns):
     """Plans start from the fastest path, so they cannot test it; a lattice is independent of it."""
     duration = lattice_time(model, start, target, 41, columns)
     ends = [model.lower + np.divide(end, (40, columns - 1)) * (model.upper - model.lower) for end in (start, target)]
-    plan, run = fastest_plan(model, *ends), time_optimal_control(model, *ends, period=5e-3)
+    plan, run = fastest_plan(model, *ends), time_optimal_control(model, *ends, period=1e-2)
     assert [path_time(model, plan.points), plan.time_to_go, run.arrival] == pytest.approx([duration] * 3, rel=0.01)
 
 
@@ -61,12 +61,12 @@ def test_as_printed_a_plan_jumps_over_what_is_slow():
 
 @cache
 def run_down(formulation="midpoint"):
-    return time_optimal_control(HalfPlane(), [1.0, 3.0], [-1.0, 0.2], period=5e-3, formulation=formulation)
+    return time_optimal_control(HalfPlane(), [1.0, 3.0], [-1.0, 0.2], period=1e-2, formulation=formulation)
 
 
 def test_control_arrives_when_the_fastest_path_does():
     """At constant velocity over a period T a reference gains or loses at most T/2 for each e-fold of speed: ln 15."""
-    exact, period = HalfPlane().time(np.array([1.0, 3.0]), np.array([-1.0, 0.2])), 5e-3
+    exact, period = HalfPlane().time(np.array([1.0, 3.0]), np.array([-1.0, 0.2])), 1e-2
     run = run_down()
     assert exact - 1.4 * period <= run.arrival <= 1.005 * exact + 1.4 * period
     assert path_time(HalfPlane(), run.references) == pytest.approx(run.arrival, abs=2.4 * period)
@@ -89,14 +89,14 @@ def test_control_as_printed_loses_what_it_claims():
 
 
 def test_a_plan_from_the_last_one_takes_one_cone_program():
-    run = time_optimal_control(Waves(1), *ends(1))
-    assert len(run.iterations) > 300
+    start, target = ends(1)
+    run = time_optimal_control(Waves(1), start, (start + target) / 2)
+    assert len(run.iterations) > 100
     assert np.quantile(run.iterations, 0.95) == 1
 
 
-@pytest.mark.parametrize("task", [2, 3])
-def test_the_tool_keeps_its_limits_and_makes_up_for_a_wrong_start(task):
-    model, (start, target) = Waves(1, task), ends(1, task)
+def test_the_tool_keeps_its_limits_and_makes_up_for_a_wrong_start():
+    model, (start, target) = Waves(1, 3), ends(1, 3)
     run = time_optimal_control(model, start, target, period=5e-3, initial=start + 0.02)
     near = time_optimal_control(model, start, target, period=5e-3)
     speeds = np.linalg.norm(np.einsum("nij,nj->ni", model.roots(run.positions[:-1])[0], run.velocities), axis=1)

@@ -8,7 +8,7 @@ import pytest
 import paretoik as pk
 from problems import kim_2021, panda, tringali_2020
 
-SMALL = {"population": 24, "generations": 8, "seed": 3}
+SMALL = {"population": 12, "generations": 2, "seed": 3}
 
 
 @pytest.mark.parametrize("name", ["simulation_1", "simulation_2", "simulation_3", "simulation_4", "simulation_5"])
@@ -55,15 +55,9 @@ def test_a_front_of_the_panda_is_confirmed_by_pinocchio():
 
 
 @pytest.mark.parametrize("name", ["directions_jam", "directions_dam", "point_to_point_jam", "point_to_point_dam"])
-def test_the_problems_of_kim_are_solved_kept_and_opened_again(name, tmp_path):
-    problem = getattr(kim_2021, name)()
-    reference = f"problems/kim_2021.py:{name}"
-    front = pk.solve(problem, **SMALL, out=tmp_path / "run", reference=reference)
-    again = pk.load_front(tmp_path / "run", problem)
-    assert np.array_equal(again.objectives, front.objectives)
-    assert np.array_equal(again.genes, front.genes)
-    if front.motions is not None:
-        assert np.array_equal(again.motions.q, front.motions.q)
-        assert np.array_equal(again.motions.time, front.motions.time)
-        durations = again.motions.time[:, -1]
-        assert np.ptp(durations) > 0 or name.startswith("directions") or len(front) == 1
+def test_motions_of_kims_problems_begin_and_end_where_the_paper_has_it(name):
+    front = pk.solve(getattr(kim_2021, name)(), population=24, generations=8, seed=3)
+    begin = kim_2021.START if name.startswith("point") else kim_2021.PLACE
+    assert np.isfinite(front.objectives).all()
+    assert np.abs(front.motions.tool[:, 0] - begin).max() < 1e-9
+    assert np.abs(front.motions.tool[:, -1] - kim_2021.TARGET).max() < 1e-9

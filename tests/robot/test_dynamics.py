@@ -7,23 +7,7 @@ from hypothesis import given, settings
 
 from paretoik.robot import dynamics, kinematics
 from tests.robot.laws import pose, positions, same, seeds, state_of, turns
-from tests.robot.oracles import STEP, jacobian_rate, potential_energy
-
-
-@given(seed=seeds)
-@settings(max_examples=15, deadline=None)
-def test_power_of_the_torques_is_the_rate_of_the_energy(anyarm_of, seed):
-    arm = anyarm_of(seed)
-    rng = np.random.default_rng(seed)
-    size, pace, phase = rng.uniform(0.2, 1.5, (3, arm.dof))
-    time = np.linspace(0, 3, 7)[:, None]
-    q = size * np.sin(pace * time + phase)
-    dq = size * pace * np.cos(pace * time + phase)
-    ddq = -size * pace**2 * np.sin(pace * time + phase)
-    later, faster = q + 1j * STEP * dq, dq + 1j * STEP * ddq
-    energy = dynamics.kinetic_energy(arm, later, faster) + potential_energy(arm, later)
-    torque = dynamics.inverse_dynamics(arm, q, dq, ddq)
-    same(energy.imag / STEP, dynamics.power(torque, dq).sum(axis=-1), 1e-11)
+from tests.robot.oracles import jacobian_rate
 
 
 @given(seed=seeds)

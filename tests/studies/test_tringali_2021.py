@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import paretoik as pk
-from paretoik.resolution.horizon import quartic_spline
+from paretoik.resolution.predictive import quartic_spline
 from problems import tringali_2021
 from studies.reporting import Row
 from studies.tringali_2021 import __main__ as study

@@ -82,7 +82,7 @@ def test_a_motion_that_leaves_its_path_between_samples_is_infinitely_off_and_no_
 TOLERANCE = 1e-9  # share of a limit's range
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_no_grid_finds_more_than_the_bound_of_waves_with_kinks(seed):
     rng = np.random.default_rng(seed)
     sizes, rates, phases = rng.normal(size=(3, 4, 6)) * np.array([1.0, 12.0, 3.0])[:, None, None]
