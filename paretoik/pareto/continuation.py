@@ -85,6 +85,7 @@ def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
     from paretoik.nlp.parametric_qp.local_model import first_order  # here: numba
 
     rows, _ = _bounds(program, goal)
+    x = x.copy()  # read-only or non-contiguous arrays would be compiled for again
     _, gradients, slacks, columns, entries, regular = first_order(program.kernel, x, len(program.upper))
     if not regular:
         return None
