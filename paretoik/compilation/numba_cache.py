@@ -1,6 +1,7 @@
 """Compiles functions with numba and caches them on disk.
 
-Compilation happens once per machine, does not stop other threads, and is announced if it takes long. A function with
+Compilation happens once per machine, does not stop other threads, and is announced if it takes long; other processes
+that need the same function wait for it. A function with
 ``@compiled`` has two variants with the same bits: one for calls from compiled functions, which has no wrappers and is
 not specialised by literal arguments, and one for calls from Python. This one is compiled at its first call, with all
 functions that it calls, and cached in the package's folder, else in the user's, else in a temporary one. A function
@@ -11,6 +12,7 @@ Several classes below inherit from private classes of numba: pyproject.toml has 
 
 from __future__ import annotations
 
+import fcntl
 import gc
 import hashlib
 import os
@@ -222,7 +224,7 @@ def c_function(signature: Any, *, what: str = "", seconds: float | None = None) 
         callback = CFunc(function, normalize_signature(signature), locals={}, options={"error_model": "numpy"})
         callback._cache = _cache(function, what, seconds)
         codegen = callback._targetdescr.target_context.codegen()
-        with _compiling(function), compilation_unit(codegen, function.__qualname__):
+        with _compiling(function, callback._cache), compilation_unit(codegen, function.__qualname__):
             callback.compile()
         symbol = f"{function.__module__}.{function.__qualname__}"
         llvm.add_symbol(symbol, callback.address)
@@ -261,12 +263,12 @@ class _Entry(CPUDispatcher):
     def compile(self, sig: Any) -> Any:
         """Return the machine code for a signature."""
         unit = compilation_unit(self.targetctx.codegen(), self.py_func.__qualname__, level=self.level)
-        with _compiling(self.py_func), unit:
+        with _compiling(self.py_func, self._cache), unit:
             return super().compile(sig)
 
 
 @contextmanager
-def _compiling(function: Any) -> Iterator[None]:
+def _compiling(function: Any, cache: Any) -> Iterator[None]:
     """Hold the compiler's lock, and pause garbage collections, which take up to a quarter of the compile time."""
     with global_compiler_lock:
         collects = gc.isenabled()
@@ -275,6 +277,8 @@ def _compiling(function: Any) -> Iterator[None]:
             yield
         finally:
             end_compilation(f"{function.__module__}.{function.__qualname__}")
+            if isinstance(cache, _Cache):
+                cache.unlock()
             if collects:
                 gc.enable()
 
@@ -292,23 +296,41 @@ class _CacheImpl(CompileResultCacheImpl):
 
 
 class _Cache(FunctionCache):
-    """The cache of a function with all that it calls."""
+    """The cache of a function with all that it calls; a process that compiles it locks it for the others."""
 
     _impl_class = _CacheImpl
 
     def __init__(self, function: Any, notice: CompilationNotice) -> None:
         super().__init__(function)
         self.notice = notice
+        self._lock: int | None = None  # descriptor of the locked file
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        try:
-            overload = super().load_overload(sig, target_context)
-        except (ImportError, AttributeError, EOFError, pickle.UnpicklingError):  # cut off, or with a former class
-            self.flush()
-            overload = None
+        overload = self._load(sig, target_context)
+        if overload is None:
+            begin_compilation()  # the clock stops
+            with suppress(OSError):  # a folder without locks: several processes may compile
+                self._impl.locator.ensure_cache_path()
+                path = Path(self.cache_path) / f"{self._impl.filename_base}.lock"
+                self._lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+                fcntl.lockf(self._lock, fcntl.LOCK_EX)  # a fork does not inherit it
+            overload = self._load(sig, target_context)  # another process may just have compiled it
         if overload is None:
             begin_compilation(self.notice)
         return overload
+
+    def unlock(self) -> None:
+        """Let other processes load or compile the function."""
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+    def _load(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(sig, target_context)
+        except (ImportError, AttributeError, EOFError, pickle.UnpicklingError):  # cut off, or with a former class
+            self.flush()
+            return None
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         return *super()._index_key(sig, codegen), _fingerprint(self._py_func)

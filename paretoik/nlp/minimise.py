@@ -122,7 +122,8 @@ def _solve(
             )
             for each in options
         ]
-    items = [(np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy(), options[i]) for i in range(count)]
+    # copies: read-only or non-contiguous arrays would be compiled for again
+    items = [(x[i].copy(), weights[i].copy(), rows, upper[i].copy(), options[i]) for i in range(count)]
     if kernel is None:
         keys = [program_key("SQP minimum", program, *item) for item in items]
     else:
@@ -226,7 +227,7 @@ def compile_method(
     kernel = None if solver == "sqp" else program.kernel
     if kernel is not None:
         size = len(program.upper)
-        start = np.ascontiguousarray(x), np.broadcast_to(weights, (1, size))[0].copy(), np.eye(size)
+        start = x.copy(), np.broadcast_to(weights, (1, size))[0].copy(), np.eye(size)
         _compile_method(kernel, (*start, program.upper.copy(), options))
 
 

@@ -85,6 +85,7 @@ def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
     from paretoik.nlp.parametric_qp.local_model import first_order  # here: numba
 
     rows, _ = _bounds(program, goal)
+    x = x.copy()  # read-only or non-contiguous arrays would be compiled for again
     _, gradients, slacks, columns, entries, regular = first_order(program.kernel, x, len(program.upper))
     if not regular:
         return None
@@ -135,11 +136,11 @@ def correct(program: Program, start: Optimum, goal: Goal, kernel: Any = None) ->
 
     None if too many corrections are needed. ``kernel`` is the program's kernel, if the caller has it already.
     """
-    from paretoik.nlp.parametric_qp.predictor_corrector import correct as search  # here: numba
+    from paretoik.nlp.parametric_qp.predictor_corrector import move_optimum  # here: numba
 
     kernel = program.kernel if kernel is None else kernel
-    x, multipliers, _, corrections, _, converged = search(
-        kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), _step_options()
+    x, multipliers, corrections, converged = move_optimum(
+        kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), _step_options(), False
     )
     return (Optimum(x=program.pin(x[None])[0], multipliers=multipliers), corrections) if converged else None
 
@@ -151,7 +152,7 @@ def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> 
     of the fourth power of the step. If the step is too long for the models at the start, it is halved and new models
     are made on the way. None if no prediction succeeds.
     """
-    from paretoik.nlp.parametric_qp.predictor_corrector import predict as search  # here: numba
+    from paretoik.nlp.parametric_qp.predictor_corrector import move_optimum  # here: numba
 
     options, optimum, share, step = _step_options(), start, 0.0, 1.0
     for remaining in range(OPTIONS.attempts, 0, -1):
@@ -161,7 +162,8 @@ def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> 
         target = min(1.0, share + step)
         wish = goal(target)
         bounds = _bounds(program, wish)
-        x, multipliers, exists = search(program.kernel, optimum.x, optimum.multipliers, wish.weights, *bounds, options)
+        here = optimum.x, optimum.multipliers
+        x, multipliers, _, exists = move_optimum(program.kernel, *here, wish.weights, *bounds, options, True)
         if not exists:  # an excess over a bound or limit is too large a share of the step
             step = (target - share) / 2
             continue

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
+from functools import cache
 
 import numpy as np
 import pytest
@@ -35,6 +36,11 @@ def motion():
 def starts(program):
     if isinstance(program, DenseProgram):
         return np.array([[0.5, 0.5, 3.0], [1.0, -1.0, 5.0]])
+    return optimum()
+
+
+@cache
+def optimum():
     return pk.plan(simulation_4(), starts=2, seed=0).best.motion.q[None, ::10]
 
 
@@ -104,7 +110,7 @@ def test_after_a_signal_no_solver_takes_another_step(kind, stop):
 
 def test_signal_ends_iterations_and_keeps_their_results(stop):
     program = motion()
-    x, weights = np.repeat(starts(program), 1500, axis=0), np.ones((1, len(program.upper)))
+    x, weights = np.repeat(starts(program), 400, axis=0), np.ones((1, len(program.upper)))
     minimise(program, x[:1], weights)  # compiles first: compilation is no iteration
     begin = time.monotonic()
     minimise(program, x, weights)

@@ -37,6 +37,15 @@ def along_the_line():
     return grid_oracle(task_of())
 
 
+def problem_of_the_line():
+    return pk.Tracking(tringali_3r(), LINE, objectives=[kinetic_energy], differences="backward")
+
+
+@cache
+def planned():
+    return pk.plan(problem_of_the_line(), starts=24)
+
+
 def captured(monkeypatch, name):
     """Return a list that collects the grids of the graphs that ``name`` makes."""
     grids, make = [], getattr(module, name)
@@ -104,7 +113,7 @@ def test_no_finer_grid_comes_below_the_lower_bound(changed):
 
 
 @pytest.mark.parametrize(
-    ("limits", "samples", "resolution"), [(None, 16, 0.04), (Limits(position=POSITION, velocity=3.2), 26, 0.02)]
+    ("limits", "samples", "resolution"), [(None, 11, 0.06), (Limits(position=POSITION, velocity=3.2), 26, 0.02)]
 )
 def test_the_lower_bound_comes_near_as_nodes_move_together(limits, samples, resolution):
     task = task_of(line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=samples), limits=limits)
@@ -115,17 +124,17 @@ def test_the_lower_bound_comes_near_as_nodes_move_together(limits, samples, reso
 
 def test_the_planner_finds_nothing_that_the_oracle_does_not_know_of():
     oracle = along_the_line()
-    plan = pk.plan(pk.Tracking(tringali_3r(), LINE, objectives=[kinetic_energy], differences="backward"), starts=24)
+    plan = planned()
     assert oracle.exact
     assert oracle.lower_bound < plan.best.objective < oracle.best < 1.02 * plan.best.objective
     assert oracle.labels[0] == plan.best.label
 
 
 def test_refining_what_the_oracle_found_ends_at_every_optimum_of_the_planner():
-    problem = pk.Tracking(tringali_3r(), LINE, objectives=[kinetic_energy], differences="backward")
+    problem = problem_of_the_line()
     led = pk.plan(problem, starts=1, initial=problem.task.motion(along_the_line().q))
     reached = np.array([optimum.objective for optimum in led.optima])
-    for optimum in pk.plan(problem, starts=24).optima:
+    for optimum in planned().optima:
         assert np.abs(reached / optimum.objective - 1).min() < 1e-8
 
 

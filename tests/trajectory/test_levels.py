@@ -21,7 +21,7 @@ def test_levels_halve_down_to_the_coarsest():
 def test_a_motion_that_leaves_the_path_between_coarse_samples_is_left_out():
     problem = tringali_2020.simulation_1()
     coarse, finer = problem.task.subsample(26), problem.task
-    good = pk.plan(problem).best.motion.q[::4]
+    good = pk.plan(problem, starts=4).best.motion.q[::4]
     whirling = good.copy()
     whirling[1::2, 0] += 2 * np.pi  # the same postures, but a whole turn between each and the next
     resampled = levels.resample(coarse, np.stack([whirling, good]), finer)

@@ -32,9 +32,9 @@ def memory(motion):
     return np.cumsum(motion.dq[..., 0] ** 2, axis=-1)
 
 
-def problem_of(*objectives, limits=LIMITS, **settings):
+def problem_of(*objectives, limits=LIMITS, samples=26, **settings):
     settings = {"differences": "backward", "bases": 1, **settings}
-    path = tringali_2020.straight(26)
+    path = tringali_2020.straight(samples)
     return pk.Tracking(pk.arms.tringali_3r(), path, objectives=objectives, limits=limits, **settings)
 
 
@@ -48,7 +48,7 @@ def solved(task, q, **settings):
 @pytest.mark.parametrize("name", ["simulation_2", "simulation_4"])
 def test_both_solvers_agree_on_where_they_end_from_the_same_optimum(name):
     problem = getattr(tringali_2020, name)()
-    best = pk.plan(problem, starts=12).best
+    best = pk.plan(problem, starts=4).best
     solution = solved(problem.task, best.motion.q, radius=0.01)
     assert solution.status == 0
     assert solution.objectives[0] == pytest.approx(best.objective, rel=1e-8)
@@ -129,18 +129,18 @@ def first_order(at, along):
     ids=lambda obstacle: type(obstacle).__name__,
 )
 def test_a_motion_keeps_clear_of_obstacles_and_pays_for_it(obstacle):
-    clear = pk.plan(problem_of(pk.kinetic_energy, obstacles=[obstacle], link_radius=0.01), starts=12).best
+    clear = pk.plan(problem_of(pk.kinetic_energy, obstacles=[obstacle], link_radius=0.01), starts=4).best
     assert clear.motion.clearance.min() >= -1e-8
-    free = pk.plan(problem_of(pk.kinetic_energy), starts=12).best
+    free = pk.plan(problem_of(pk.kinetic_energy), starts=4).best
     assert clear.objective > free.objective
 
 
 def test_a_torque_limit_just_below_the_least_possible_is_refused_by_name_and_just_above_it_holds():
-    smallest_peak = pk.plan(problem_of(pk.peak_torque), starts=4).best.objective
+    smallest_peak = pk.plan(problem_of(pk.peak_torque, samples=16), starts=4).best.objective
 
     def limited(share):
         limits = replace(LIMITS, torque=share * smallest_peak)
-        return pk.plan(problem_of(pk.kinetic_energy, limits=limits), starts=2)
+        return pk.plan(problem_of(pk.kinetic_energy, limits=limits, samples=16), starts=2)
 
     with pytest.raises(
         pk.Infeasible, match=r"of the least-violating one, (torque|position|velocity) of joint\d .*at sample \d+"
@@ -178,9 +178,9 @@ def test_constraints_of_every_form_hold():
     def slow(motion):
         return np.maximum(np.abs(motion.dq[..., 0]), np.abs(motion.dq[..., 2]))
 
-    free = pk.plan(problem_of(pk.kinetic_energy), starts=4).best  # the best of all optima
+    free = pk.plan(problem_of(pk.kinetic_energy, samples=13), starts=4).best  # the best of all optima
     for limit in (drift, swing, bent, slow):
-        solution = pk.plan(problem_of(pk.kinetic_energy, constraints=[limit]), starts=2).best
+        solution = pk.plan(problem_of(pk.kinetic_energy, samples=13, constraints=[limit]), starts=1).best
         assert limit.violation(solution.motion) <= 1e-8
         assert solution.objective >= free.objective - 1e-9
 

@@ -9,17 +9,18 @@ import paretoik as pk
 from paretoik.task.motion_task import finer_motion
 from paretoik.trajectory.tightening import hold_between
 from paretoik.trajectory.transcription import motion_program
+from problems import tringali_2020
 
-LINE = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=51)
 LIMITS = pk.Limits(velocity=3.0, acceleration=14.0)
 
 
 def problem(*objectives, **settings):
-    return pk.Tracking(pk.arms.tringali_3r(), LINE, objectives=list(objectives), limits=LIMITS, **settings)
+    path = tringali_2020.straight(26)
+    return pk.Tracking(pk.arms.tringali_3r(), path, objectives=list(objectives), limits=LIMITS, **settings)
 
 
 def test_a_plan_keeps_its_limits_between_samples():
-    best = pk.plan(problem(pk.kinetic_energy), starts=12).best
+    best = pk.plan(problem(pk.kinetic_energy), starts=4).best
     assert best.violation_between == 0.0
     _, velocity, acceleration = best.motion.state(np.linspace(0, 1, 5001))
     for values, limit in ((velocity, 3.0), (acceleration, 14.0)):
@@ -28,7 +29,7 @@ def test_a_plan_keeps_its_limits_between_samples():
 
 @pytest.fixture(scope="module")
 def front():
-    return pk.epsilon_front(problem(pk.kinetic_energy, pk.torque_norm), points=5, starts=12)
+    return pk.epsilon_front(problem(pk.kinetic_energy, pk.torque_norm), points=3, starts=4)
 
 
 def test_every_point_of_a_front_is_certified_for_limits_that_hold_between_samples(front):
@@ -49,7 +50,7 @@ def test_refining_again_leaves_minima_as_they_are_or_betters_them(front):
 
 def test_finite_differences_are_left_as_they_are_and_words_say_what_helps():
     central = problem(pk.kinetic_energy, differences="central")
-    best = pk.plan(central, starts=12).best
+    best = pk.plan(central, starts=4).best
     held = hold_between(motion_program(central.task), best.motion.q, 1)
     np.testing.assert_array_equal(held.x, best.motion.q)
     assert held.violation == best.violation_between > 1e-4
@@ -61,9 +62,10 @@ def test_finite_differences_are_left_as_they_are_and_words_say_what_helps():
 
 def test_a_torque_limit_that_is_active_at_a_free_end_holds_between_samples():
     arm = pk.arms.tringali_3r()
-    free = pk.plan(pk.Tracking(arm, LINE, objectives=[pk.torque_norm]), starts=6).best.motion
+    path = tringali_2020.straight(51)
+    free = pk.plan(pk.Tracking(arm, path, objectives=[pk.torque_norm]), starts=6).best.motion
     limits = pk.Limits(torque=0.95 * np.abs(free.torque).max(axis=0))
-    best = pk.plan(pk.Tracking(arm, LINE, objectives=[pk.torque_norm], limits=limits), starts=6).best
+    best = pk.plan(pk.Tracking(arm, path, objectives=[pk.torque_norm], limits=limits), starts=6).best
     slack = limits.torque - np.abs(finer_motion(best.motion).torque)
     assert slack[[0, -1]].min() <= 1e-2 * limits.torque.max()
     assert best.violation_between == 0.0

@@ -155,13 +155,13 @@ def first_order(kernel, x, objectives):
 
 @compiled
 def lead_to_optimum(model, initial, step, y, weights, rows, upper, predictions, options):
-    """Move a step to the optimum of the model, in place; return (multipliers, whether there is one, changes).
+    """Move a step to the optimum of the model, in place; return (multipliers, whether there is one).
 
     ``model`` has the Hessian of the Lagrangian for ``initial`` weights of the objectives. If the weights stay the same,
     Newton's first step uses only this Hessian. ``predictions`` is the largest number of Newton steps.
     """
     n, limits = model.gradients.shape[1], len(model.c)
-    changes, last_multipliers = 0, y
+    last_multipliers = y
     gradients, values, gradient = model.gradients.copy(), np.zeros(limits + len(rows)), np.zeros(n)
     A, B, C = model.A[0].copy(), model.B[0].copy(), model.C[0].copy()
     weighed, dense = initial.copy(), np.zeros((len(rows), n))
@@ -200,18 +200,17 @@ def lead_to_optimum(model, initial, step, y, weights, rows, upper, predictions, 
                 dense[e, j] = 0.0
                 for k in range(len(weights)):
                     dense[e, j] -= rows[e, k] * gradients[k, j]
-        increment, y, share, changed = solve_from(
+        increment, y, share, _ = solve_from(
             A, B, C, gradient, model.columns, model.entries, dense, values, y, options.qp
         )
-        changes += changed
         if share < 1.0:
-            return (last_multipliers if attempt else y), attempt > 0, changes
+            return (last_multipliers if attempt else y), attempt > 0
         for j in range(n):
             step[j] += increment[j]
         last_multipliers = y
         if norm(increment) <= options.predicted * norm(step):
             break
-    return y, True, changes
+    return y, True
 
 
 @compiled

@@ -56,12 +56,12 @@ class StepOptions(NamedTuple):
     qp: QpOptions
 
 
-@compiled(what="the continuation of optima", seconds=20)
-def correct(kernel, x, multipliers, weights, rows, upper, options):
-    """Return the optimum of a goal near a guess.
+@compiled(what="the continuation of optima", seconds=25)
+def move_optimum(kernel, x, multipliers, weights, rows, upper, options, predicts):
+    """Return a goal's optimum, predicted at another's optimum or corrected from a guess.
 
-    The result is (point, multipliers, F, corrections, changes of the active set, whether it was found). Multipliers are
-    those of c, then of rows · F ≤ upper.
+    The result is (point, multipliers, corrections, whether it was found). Multipliers are those of c, then of
+    rows · F ≤ upper. Both ways are one function, because compiling the kernel's steps takes most of the time.
     """
     problem = refer(kernel)
     arrays = allocate_workspace(problem, x)
@@ -69,8 +69,22 @@ def correct(kernel, x, multipliers, weights, rows, upper, options):
     point = add_auxiliary(problem, work, x)
     models = allocate_model(problem, work, x, len(weights))
     model = refer(models)
-    trial, dx, factors, y = point.copy(), np.zeros(point.shape), np.zeros(len(weights)), multipliers.copy()
-    corrections, changes, last_length, converged = 0, 0, np.inf, False
+    trial, corrections = point.copy(), 0
+    if predicts:
+        y, found = _predict(problem, work, model, point, trial, multipliers, weights, rows, upper, options)
+        point = trial
+    else:
+        y, corrections, found = _correct(problem, work, model, point, trial, multipliers, weights, rows, upper, options)
+    keep(arrays)
+    keep(models)
+    return remove_auxiliary(problem, point), y, corrections, found
+
+
+@compiled
+def _correct(problem, work, model, point, trial, multipliers, weights, rows, upper, options):
+    """Move a guess to the optimum, in place; return (multipliers, corrections, whether it was found)."""
+    dx, factors, y = np.zeros(point.shape), np.zeros(len(weights)), multipliers.copy()
+    corrections, last_length, converged = 0, np.inf, False
     for corrections in range(options.corrections + 1 if to_first_order(problem, work, point, model) else 0):
         weigh(weights, rows, y, factors)
         lagrangian_hessian(problem, work, factors, y[: len(model.c)], model, 0)
@@ -78,8 +92,7 @@ def correct(kernel, x, multipliers, weights, rows, upper, options):
         if predictions > 1:
             objective_hessians(problem, work, model)
         step = np.zeros(model.gradients.shape[1])
-        y, solved, changed = lead_to_optimum(model, factors, step, y, weights, rows, upper, predictions, options)
-        changes += changed
+        y, solved = lead_to_optimum(model, factors, step, y, weights, rows, upper, predictions, options)
         step_length = 0.0
         for value in step:
             step_length = max(step_length, abs(value))
@@ -97,8 +110,7 @@ def correct(kernel, x, multipliers, weights, rows, upper, options):
         if _is_optimal(problem, work, model, y, weights, rows, upper, factors, options):
             converged = True
             break
-    keep(arrays)
-    return remove_auxiliary(problem, point), y, models.objectives, corrections, changes, converged
+    return y, corrections, converged
 
 
 @compiled
@@ -119,16 +131,10 @@ def _is_optimal(kernel, work, model, y, weights, rows, upper, factors, options):
     return worst <= options.violation
 
 
-@compiled(what="the prediction of optima", seconds=20)
-def predict(kernel, x, multipliers, weights, rows, upper, options):
-    """Return a goal's optimum, predicted by models at another's optimum: (point, multipliers, whether it exists)."""
-    problem = refer(kernel)
-    arrays = allocate_workspace(problem, x)
-    work = refer(arrays)
-    point = add_auxiliary(problem, work, x)
-    models = allocate_model(problem, work, x, len(weights))
-    model = refer(models)
-    trial, dx, factors, y = point.copy(), np.zeros(point.shape), np.zeros(len(weights)), multipliers
+@compiled
+def _predict(problem, work, model, point, trial, multipliers, weights, rows, upper, options):
+    """Write the optimum predicted by models at the point into ``trial``; return (multipliers, whether it exists)."""
+    dx, factors, y = np.zeros(point.shape), np.zeros(len(weights)), multipliers
     exists = to_first_order(problem, work, point, model)
     if exists:
         weigh(weights, rows, y, factors)
@@ -138,9 +144,7 @@ def predict(kernel, x, multipliers, weights, rows, upper, options):
     objectives, c, moved_upper = np.zeros(len(weights)), np.zeros(len(model.c)), upper.copy()
     step = np.zeros(model.gradients.shape[1])
     for _ in range(options.updates + 1 if exists else 0):
-        y, solved, _ = lead_to_optimum(
-            model, factors, step, y, weights, rows, moved_upper, options.predictions, options
-        )
+        y, solved = lead_to_optimum(model, factors, step, y, weights, rows, moved_upper, options.predictions, options)
         far = not expand_step(problem, work, step, dx) <= problem.longest_step
         if not solved or far or not retract(problem, work, point, dx, 1.0, trial):
             exists = False
@@ -160,9 +164,7 @@ def predict(kernel, x, multipliers, weights, rows, upper, options):
         exists = not _bounds_missed(objectives, rows, upper) > options.missed * wish + options.violation
         for i in range(len(c)):
             exists &= not -c[i] - options.missed * norm(step) * norm(model.entries[i]) > options.violation
-    keep(arrays)
-    keep(models)
-    return remove_auxiliary(problem, trial), y, exists
+    return y, exists
 
 
 @compiled
