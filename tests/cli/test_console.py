@@ -60,7 +60,7 @@ def test_a_closed_stdout_is_no_fault(tmp_path):
 
 def test_names_of_folders_and_files_steer_no_terminal(paretoik, finished, tmp_path):
     run = shutil.copytree(finished, tmp_path / "\x1b[2J\x07run")
-    for words in (("report", run), ("compare", run, finished), ("verify", run), ("export", run, "--point", 1)):
+    for words in (("report", run), ("compare", run, finished), ("export", run, "--point", 1)):
         ended = paretoik(*words)
         assert ended.out or ended.err
         assert all(line.isprintable() for line in (ended.out + ended.err).splitlines()), words
