@@ -7,9 +7,14 @@ from importlib import import_module
 import pytest
 
 import paretoik as pk
-from paretoik.compilation_notices import CompilationNotice, announce
+from paretoik.compilation_notices import CompilationNotice, begin_compilation, end_compilation
 from paretoik.progress import RunProgress, count_observer, open_observer, progress_text
 from tests.api.problems import tracking
+
+
+def announce(notice: CompilationNotice) -> None:
+    begin_compilation(notice)
+    end_compilation()
 
 
 def test_counts_become_the_progress_of_a_stage():

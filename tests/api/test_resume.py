@@ -140,10 +140,10 @@ CONTINUED = {
 def test_a_finished_search_and_more_generations_are_one_run_bit_for_bit(name, tmp_path):
     settings = {"population": 12, "seed": 2, "anchors": 1, **CONTINUED[name]}
     algorithm = settings.get("algorithm")
-    pk.solve(tracking(), generations=3, out=tmp_path / "run", **settings)
-    for more in (1, 2):
+    pk.solve(tracking(), generations=5, out=tmp_path / "run", **settings)
+    for more in (1, 4):
         front = pk.resume(tmp_path / "run", tracking(), generations=more, algorithm=algorithm)
-    check_same(front, pk.solve(tracking(), generations=6, **settings))
+    check_same(front, pk.solve(tracking(), generations=10, **settings))
     assert np.array_equal(pk.load_front(tmp_path / "run", tracking()).objectives, front.objectives)
 
 
