@@ -210,7 +210,7 @@ class SearchOptions:
 
 
 OPTIONS = SearchOptions()
-DEFAULTS = {"population": 200, "generations": 500, "seed": 0}  # of settings that are None
+DEFAULTS: dict[str, Any] = {"population": 200, "generations": 500, "seed": 0}  # of settings that are None
 NOT_STORED = ("record_steps", "workers", "cluster")  # settings that are not in `run.json`
 
 
