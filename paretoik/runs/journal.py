@@ -19,7 +19,7 @@ import os
 import struct
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TypeAlias
@@ -74,6 +74,11 @@ class Journal:
         os.ftruncate(self._descriptor, self._end)
         if damaged:
             warn_user(f"{file}: {damaged} of {size} bytes are damaged; their content is computed again")
+
+    @property
+    def keys(self) -> Collection[bytes]:
+        """The keys of all frames."""
+        return self._places.keys()
 
     def get(self, key: bytes) -> dict[str, np.ndarray] | None:
         """Return the values of a key, None if it has none."""
