@@ -61,18 +61,13 @@ def list_compiled(listener: Listener) -> Iterator[None]:
         _LISTENERS.remove(listener)
 
 
-def announce(notice: CompilationNotice) -> None:
-    """Pass a notice to the last observer."""
-    _OBSERVERS[-1](notice)
-
-
 def begin_compilation(notice: CompilationNotice | None = None) -> None:
-    """Stop the clock, unless a compilation is under way; announce it if it takes long."""
+    """Stop the clock, unless a compilation is under way; tell the last observer if it takes long."""
     seconds, since = _TIME[0]
     if since is None:
         _TIME[0] = seconds, time.monotonic()
     if notice is not None and (notice.seconds or 0.0) >= 1.0:  # s: shorter ones are not announced
-        announce(notice)
+        _OBSERVERS[-1](notice)
 
 
 def end_compilation(what: str = "") -> None:

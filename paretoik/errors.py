@@ -72,18 +72,14 @@ class InvalidInput(ParetoikError, ValueError):  # noqa: N818  the name says what
 
 
 class InvalidRobot(InvalidInput):
-    """A robot description with faults.
+    """A robot description with ``faults``; the message has the first 100."""
 
-    faults: all faults
-    listed: most faults in the message
-    """
-
-    def __init__(self, source: str, faults: Sequence[str], *, listed: int = 100) -> None:
+    def __init__(self, source: str, faults: Sequence[str]) -> None:
         self.source = source
         self.faults = tuple(faults)
         count = "1 fault" if len(self.faults) == 1 else f"{len(self.faults)} faults"
-        more = [f"and {len(self.faults) - listed} more"] if len(self.faults) > listed else []
-        text = "; ".join([*self.faults[:listed], *more])
+        more = [f"and {len(self.faults) - 100} more"] if len(self.faults) > 100 else []
+        text = "; ".join([*self.faults[:100], *more])
         super().__init__(f"{source} must be a robot without faults, got {count}: {text}")
 
 

@@ -19,6 +19,14 @@ from studies.benchmarks.sizes import circles, imported_files
 ROOT = Path(__file__).parents[1]
 
 
+@pytest.fixture(scope="module")
+def library() -> dict[str, ast.Module]:
+    """The syntax of the library's files, by their places in it."""
+    folder = ROOT / "paretoik"
+    files = sorted(folder.rglob("*.py"))
+    return {file.relative_to(folder).as_posix(): ast.parse(file.read_text(encoding="utf-8")) for file in files}
+
+
 def tracked() -> list[Path]:
     listing = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
     if listing.returncode:
@@ -101,12 +109,12 @@ def test_what_a_public_name_raises_stands_in_its_documentation(name):
     assert unsaid == {}
 
 
-def test_no_room_reaches_through_the_face():
+def test_no_room_reaches_through_the_face(library):
     """The public names are for users; inside, a room is imported by its own name, or the contracts would not see it."""
     reached = [
-        f"{file.relative_to(ROOT)} imports {alias.name}"
-        for file in sorted((ROOT / "paretoik").rglob("*.py"))
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        f"{file} imports {alias.name}"
+        for file, tree in library.items()
+        for node in ast.walk(tree)
         if isinstance(node, ast.ImportFrom) and node.module == "paretoik"
         for alias in node.names
         if alias.name in paretoik.__all__
@@ -114,11 +122,9 @@ def test_no_room_reaches_through_the_face():
     assert reached == []
 
 
-def test_no_files_of_the_library_import_each_other_in_a_circle():
+def test_no_files_of_the_library_import_each_other_in_a_circle(library):
     """Not even by way of others, within functions, or for type checks."""
-    library = ROOT / "paretoik"
-    files = {file.relative_to(library).as_posix(): file.read_text(encoding="utf-8") for file in library.rglob("*.py")}
-    assert circles(imported_files({name: ast.parse(text) for name, text in files.items()})) == []
+    assert circles(imported_files(library)) == []
 
 
 @pytest.mark.slow

@@ -5,13 +5,9 @@ import textwrap
 from pathlib import Path
 
 import pytest
-from pymoo.problems.multi.zdt import ZDT1
 
-import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.loading import load_problem, problems_in
-from paretoik.runs.fingerprint import fingerprint
-from tests.api.problems import PATH, tracking
 
 ROOT = Path(__file__).parents[1]
 SIMPLE = '''
@@ -228,25 +224,3 @@ def test_a_file_with_the_name_of_an_installed_package_is_the_users(file):
 def test_a_file_with_the_name_of_a_module_of_python_is_refused(file):
     with pytest.raises(InvalidInput, match="a name that no module of Python has, got 'queue'; rename yours"):
         load_problem(f"{file('queue.py', SIMPLE)}:small")
-
-
-def test_the_fingerprint_tells_what_makes_genes_mean_something_else():
-    problem = tracking(velocity=6.0)
-    assert fingerprint(problem) == fingerprint(tracking(velocity=6.0))
-    others = [
-        tracking(velocity=6.1),
-        tracking(velocity=6.0, torque=5.0),
-        tracking(pk.kinetic_energy, pk.jerk, velocity=6.0),
-        pk.Tracking(
-            pk.arms.tringali_3r("fitted"),
-            PATH,
-            objectives=(pk.kinetic_energy, pk.torque_norm),
-            limits=pk.Limits(velocity=6.0),
-            coefficients=4,
-            bases=2,
-            differences="backward",
-        ),
-        ZDT1(n_var=5),
-    ]
-    prints = [fingerprint(other) for other in (problem, *others)]
-    assert len(set(prints)) == len(prints)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from functools import partial
 from importlib import import_module
 
 import pytest
 
 import paretoik as pk
-from paretoik.compilation_notices import CompilationNotice, announce
-from paretoik.progress import OPTIONS, RunProgress, count_observer, open_observer, progress_text, time_left
+from paretoik.compilation_notices import CompilationNotice, begin_compilation, end_compilation
+from paretoik.progress import RunProgress, count_observer, open_observer, progress_text
 from tests.api.problems import tracking
+
+
+def announce(notice: CompilationNotice) -> None:
+    begin_compilation(notice)
+    end_compilation()
 
 
 def test_counts_become_the_progress_of_a_stage():
@@ -86,6 +90,8 @@ def test_a_verb_shows_what_it_compiles_and_all_its_stages(verb, monkeypatch, cap
     assert {one.stage for one in seen} == {"compilation", *stages}
     assert capsys.readouterr().err == ""
     assert not any("left" in progress_text(one) for one in seen if 0 < one.total <= one.done)
+    planned = dict.fromkeys(one.summary.partition(", ")[0] for one in seen if one.stage == "optimum")
+    assert [*planned] == (["kinetic_energy (1 of 2)", "torque_norm (2 of 2)"] if "optimum" in stages else [])
     for stage in stages:
         last = [one for one in seen if one.stage == stage][-1]
         assert 0 < last.done <= last.total
@@ -100,15 +106,6 @@ def test_the_starts_of_postures_are_counted():
     counts = [(one.done, one.total, one.summary) for one in seen if one.stage == "optimum"]
     first, second = (f"{name} ({k} of 2)" for k, name in enumerate(problem.names, 1))
     assert counts == [(4, 6, first), (6, 6, first), (4, 6, second), (6, 6, second)]
-
-
-def test_a_front_says_which_objective_is_planned():
-    searched = partial(pk.solve, tracking(), population=8, generations=2, points=2, refine=True)
-    for run in (partial(pk.epsilon_front, tracking(), starts=4, points=3), searched):
-        seen: list[RunProgress] = []
-        run(observe=seen.append)
-        words = [one.summary.partition(", ")[0] for one in seen if one.stage == "optimum"]
-        assert list(dict.fromkeys(words)) == ["kinetic_energy (1 of 2)", "torque_norm (2 of 2)"]
 
 
 NOTICE = CompilationNotice(what="the planner", seconds=40.0)
@@ -187,13 +184,3 @@ def test_by_default_without_a_terminal_a_line_comes_once_a_minute_has_passed(mon
             observe(progress(0, total=0, stage="saving"))
     lines = capsys.readouterr().err.splitlines()
     assert lines == [str(NOTICE), "generation 3/10, at most 1:10 left", "generation 5/10, at most 0:30 left"]
-
-
-@pytest.mark.parametrize(("done", "seconds"), [(0, 10.0), (1, 10.0), (10, 0.5 * OPTIONS.seconds)])
-def test_nothing_is_said_before_enough_is_done(done: int, seconds: float):
-    assert time_left(done, 20 - done, seconds) is None
-
-
-def test_a_stage_goes_on_as_fast_as_it_was_and_later_ones_are_added():
-    assert time_left(10, 10, 20.0) == 20.0
-    assert time_left(10, 5, 20.0, later=7.0) == 17.0

@@ -121,7 +121,7 @@ def refine(
         problem=problem,
         settings={"solver": solver, "time_limit": time_limit},
         resumable=True,
-        source=front,
+        source=replace(front, provenance=former),
         **given,
     )
     with computing(time_limit):  # users' functions are traced

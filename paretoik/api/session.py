@@ -90,7 +90,7 @@ class RunRequest:
     title: title of the recording, by default the reference or the class of the problem
     reference: name of the problem, ``file.py:name``, if any
     resumable: whether the run writes its computations into its journal
-    source: front that the run starts from, if any
+    source: front that the run starts from, with the folder of its run, if any
     isolated: whether one worker computes if neither workers nor a cluster are given
     catch_signals: whether signals end the computation with a result; else they end the body as usual
     """
@@ -478,10 +478,9 @@ def open_session(request: RunRequest) -> Iterator[Session]:
                 write_run(folder, {**stored, **{name: session.provenance[name] for name in ("settings", "computed")}})
             if request.source is not None and not stored:
                 # The front that a stopped run starts from is saved first, since a run with a journal can be resumed.
-                front, source = request.source, folder.joinpath(*SOURCE)
-                run = {} if front.folder is None else {"run": str(front.folder)}
+                source = folder.joinpath(*SOURCE)
                 with only_writer(source):
-                    replace_files(source, front_files(replace(front, provenance={**front.provenance, **run})))
+                    replace_files(source, front_files(request.source))
             if request.resumable:
                 stack.enter_context(journalled(folder / CHECKPOINT / JOURNAL))
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -194,15 +194,6 @@ def solve(
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchDefaults:
-    """Default sizes of a search: ``population``, most ``generations``, ``seed`` of all random numbers."""
-
-    population: int = 200
-    generations: int = 500
-    seed: int = 0
-
-
-@dataclass(frozen=True, kw_only=True)
 class SearchOptions:
     """Shares of a search's time, and sizes of the motions that its recording decodes.
 
@@ -218,7 +209,8 @@ class SearchOptions:
     samples: int = 401
 
 
-DEFAULTS, OPTIONS = SearchDefaults(), SearchOptions()
+OPTIONS = SearchOptions()
+DEFAULTS: dict[str, Any] = {"population": 200, "generations": 500, "seed": 0}  # of settings that are None
 NOT_STORED = ("record_steps", "workers", "cluster")  # settings that are not in `run.json`
 
 
@@ -235,7 +227,7 @@ class FrontSearch:
                 check_solver(require_program("refine", problem).program(), settings.solver)
         elif settings.solver != "auto":
             raise InvalidInput(f"solver must come with refine=True, got {shown(settings.solver)} without it")
-        missing = {name: size for name, size in asdict(DEFAULTS).items() if getattr(settings, name) is None}
+        missing = {name: size for name, size in DEFAULTS.items() if getattr(settings, name) is None}
         given: Any = replace(settings, **missing)
         check_size("generations", given.generations, 1)
         if given.points is not None:

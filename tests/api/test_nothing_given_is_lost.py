@@ -110,6 +110,7 @@ def test_a_plan_is_no_worse_than_what_it_was_given(joints, cyclic, seed):
     assert again.best.status == "converged"
 
 
+@pytest.mark.slow
 def test_a_basin_that_high_barriers_leave_is_kept():
     problem = drawn(1, joints=4, objectives=[pk.torque_norm], samples=26)
     optima = [pk.plan(problem, starts=4, seed=seed).best for seed in range(2)]
@@ -120,7 +121,7 @@ def test_a_basin_that_high_barriers_leave_is_kept():
 
 @pytest.mark.parametrize("joints", [3, pytest.param(0, marks=pytest.mark.slow)])
 def test_no_given_point_dominates_a_front_of_epsilon_constraints(joints):
-    problem = drawn(2, joints=joints, objectives=[pk.kinetic_energy, pk.torque_norm], samples=26)
+    problem = drawn(2, joints=joints, objectives=[pk.kinetic_energy, pk.torque_norm], samples=16)
     rng = np.random.default_rng(0)
     motions = problem.task.motion(sample_starts(problem.task, 6, rng))
     front = pk.epsilon_front(problem, points=3, starts=1, initial=motions)
@@ -132,7 +133,7 @@ def test_no_given_point_dominates_a_front_of_epsilon_constraints(joints):
 @pytest.mark.parametrize("objectives", [[pk.kinetic_energy], [pk.kinetic_energy, pk.torque_norm, pk.joint_travel]])
 @pytest.mark.parametrize("joints", [3, pytest.param(0, marks=pytest.mark.slow)])
 def test_no_given_point_dominates_a_front_that_was_searched_for(joints, objectives):
-    problem = drawn(3, joints=joints, objectives=objectives, samples=26)
+    problem = drawn(3, joints=joints, objectives=objectives, samples=16)
     motions = problem.task.motion(sample_starts(problem.task, 4, np.random.default_rng(0)))
     with pytest.warns(RuntimeWarning, match="approximately"):
         front = pk.solve(problem, population=12, generations=2, initial=motions)
@@ -141,7 +142,7 @@ def test_no_given_point_dominates_a_front_that_was_searched_for(joints, objectiv
 
 @pytest.mark.parametrize("joints", [3, pytest.param(0, marks=pytest.mark.slow)])
 def test_no_point_dominates_its_refined_point(joints):
-    problem = drawn(4, joints=joints, objectives=[pk.kinetic_energy, pk.torque_norm], samples=26)
+    problem = drawn(4, joints=joints, objectives=[pk.kinetic_energy, pk.torque_norm], samples=16)
     front = pk.solve(problem, population=12, generations=3)
     refined = pk.refine(front)
     assert_not_dominated(refined, front.minimised)

@@ -30,12 +30,7 @@ def test_the_limit_that_fails_is_shown_before_the_last_start_fails(find):
     assert shown
 
 
-def test_several_objectives_are_refused_by_name(problem):
-    with pytest.raises(pk.InvalidInput, match="problem must have one objective, got 2: kinetic_energy, torque_norm"):
-        pk.plan(problem)
-
-
-def test_motions_of_another_length_or_off_the_path_cannot_be_started_from(problem):
+def test_motions_of_another_length_or_off_the_path_cannot_be_started_from():
     one = tracking(pk.kinetic_energy)
     motions = one.decode(np.array([[0.5, *np.zeros(one.n_var - 1)]]))
     with pytest.raises(pk.InvalidInput, match=r"initial must be motions of .* with 21 samples, got .* with 20"):

@@ -12,7 +12,7 @@ from paretoik.pareto.refine import SearchImprover
 from problems import tringali_2020
 from tests.api.problems import tracking
 
-SMALL = {"population": 30, "generations": 24, "seed": 1, "points": 20, "refine": True}
+SMALL = {"population": 20, "generations": 12, "seed": 1, "points": 6, "refine": True}
 
 
 def problem_of():

@@ -143,7 +143,7 @@ def test_a_finished_search_and_more_generations_are_one_run_bit_for_bit(name, tm
     pk.solve(tracking(), generations=5, out=tmp_path / "run", **settings)
     for more in (1, 4):
         front = pk.resume(tmp_path / "run", tracking(), generations=more, algorithm=algorithm)
-    check_same(front, pk.solve(tracking(), generations=10, out=tmp_path / "whole", **settings))
+    check_same(front, pk.solve(tracking(), generations=10, **settings))
     assert np.array_equal(pk.load_front(tmp_path / "run", tracking()).objectives, front.objectives)
 
 

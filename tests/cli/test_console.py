@@ -60,7 +60,7 @@ def test_a_closed_stdout_is_no_fault(tmp_path):
 
 def test_names_of_folders_and_files_steer_no_terminal(paretoik, finished, tmp_path):
     run = shutil.copytree(finished, tmp_path / "\x1b[2J\x07run")
-    for words in (("report", run), ("compare", run, finished), ("verify", run), ("export", run, "--point", 1)):
+    for words in (("report", run), ("compare", run, finished), ("export", run, "--point", 1)):
         ended = paretoik(*words)
         assert ended.out or ended.err
         assert all(line.isprintable() for line in (ended.out + ended.err).splitlines()), words
@@ -95,7 +95,11 @@ REDIRECTIONS = {
     "all closed": "<&- >&- 2>&-",
 }
 """How a shell may start a command, and all there is to say need not be said."""
-EVERY = [pytest.param(name, marks=() if name == "select" else pytest.mark.slow) for name in COMMANDS]
+
+
+def every(quick):
+    """Return all commands; only the ``quick`` one is in the default run."""
+    return [pytest.param(name, marks=() if name == quick else pytest.mark.slow) for name in COMMANDS]
 
 
 @pytest.fixture
@@ -124,7 +128,7 @@ def start(mine, finished, tmp_path):
 
 
 @pytest.mark.parametrize("environment", ENVIRONMENTS)
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", every("check-robot"))
 def test_a_terminal_of_ascii_letters_is_written_to_in_ascii(start, name, environment):
     ended = start(name, **ENVIRONMENTS[environment])
     assert ended.returncode == CODES.get(name, 0)
@@ -140,7 +144,7 @@ def test_letters_of_messages_have_plain_ones():
     assert written == b"2 levels of eps, chi2 <= pi, N2m2s >= -1, 3 deg"
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", every("select"))
 def test_a_full_stdout_is_said_in_a_line_and_the_result_kept(start, name):
     ended = start(name, f"> {FULL}")
     assert ended.returncode == 2
@@ -150,14 +154,14 @@ def test_a_full_stdout_is_said_in_a_line_and_the_result_kept(start, name):
 
 
 @pytest.mark.parametrize("redirection", REDIRECTIONS)
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", every("check-robot"))
 def test_streams_that_are_closed_or_full_change_no_exit_code(start, name, redirection):
     ended = start(name, REDIRECTIONS[redirection])
     assert ended.returncode == CODES.get(name, 0)
     assert bool(ended.stdout) == (name != "show" and "stderr" in redirection)
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", every("check-robot"))
 def test_a_reader_who_goes_changes_no_exit_code(start, name):
     ended = start(name, "| true; exit ${PIPESTATUS[0]}")
     assert ended.returncode == CODES.get(name, 0)

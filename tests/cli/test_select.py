@@ -42,13 +42,6 @@ def test_every_preference_can_be_asked_for_and_is_kept_and_taken_back(paretoik, 
     assert strict(paretoik("select", run, "--undo", "--json").out)["current"] == 5
 
 
-def test_exactly_one_preference_is_accepted(paretoik, finished):
-    for words in ((), ("--knee", "--compromise")):
-        ended = paretoik("select", finished, *words)
-        assert ended.code == 2
-        assert "preference must be one of --weights, --knee" in ended.err
-
-
 @pytest.fixture
 def counted(tmp_path):
     """A run whose ids count from 0, as for an epsilon front or a merged one."""
@@ -69,8 +62,9 @@ def test_the_point_with_id_0_can_be_asked_for(paretoik, counted):
     for other in ("--history", "--undo"):
         ended = paretoik("select", counted, other, "--point", 0)
         assert (ended.code, "got --point too" in ended.err) == (2, True)
-    both = paretoik("select", counted, "--point", 0, "--knee")
-    assert (both.code, "got --knee and --point" in both.err) == (2, True)
+    for words, got in ((("--point", 0, "--knee"), "got --knee and --point"), ((), "got none")):
+        ended = paretoik("select", counted, *words)
+        assert (ended.code, got in ended.err) == (2, True)
 
 
 @pytest.mark.parametrize(("option", "owner"), [("uncertainty", "robust"), ("from", "classify")])

@@ -132,8 +132,5 @@ def test_a_killed_run_leaves_a_complete_recording_and_no_lock(paretoik, mine, tm
     selected = paretoik("select", tmp_path / "run", "--weights", "torque_norm=1")
     assert selected.code == 2
     assert "got one of status 'running' without" in selected.err
-    again = paretoik(
-        "solve", f"{mine}:good", "--out", tmp_path / "run", *SMALL, "--quiet", "--overwrite", "--seed", "5"
-    )
-    assert again.code == 0
-    assert load_front(tmp_path / "run").provenance["settings"]["seed"] == 5
+    with claim_folder(tmp_path / "run", overwrite=True):
+        pass

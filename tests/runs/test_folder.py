@@ -165,28 +165,34 @@ KILLED = """
 import os, signal, sys
 from paretoik.runs.folder import claim_folder
 from paretoik.runs.files import write_run
-left, rename = int(sys.argv[2]), os.rename
+rename = os.rename
 def counted(*names, **folders):
     global left
     rename(*names, **folders)
     if not left:
         os.kill(os.getpid(), signal.SIGKILL)
     left -= 1
-os.rename = counted
-with claim_folder(sys.argv[1], overwrite=True) as folder:
-    write_run(folder, {"status": "running"})
-    (folder / "choices.json").write_text("of the new one")
+for left, place in enumerate(sys.argv[1:]):
+    child = os.fork()
+    if not child:
+        os.rename = counted
+        with claim_folder(place, overwrite=True) as folder:
+            write_run(folder, {"status": "running"})
+            (folder / "choices.json").write_text("of the new one")
+        os._exit(0)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
 MOVES = 2 * 3 + 2  # three entries out and back, and the folder around them renamed twice
 
 
-@pytest.mark.parametrize("moves", range(MOVES))
-def test_wherever_a_process_is_killed_while_it_moves_a_run_nothing_of_it_is_lost(tmp_path, moves):
-    before = finished_run(tmp_path)
-    killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path), str(moves)], check=False)
-    assert killed.returncode == -signal.SIGKILL
-    with warnings.catch_warnings(action="ignore"), lock_folder(tmp_path):
-        assert contents(tmp_path) == before
+def test_wherever_a_process_is_killed_while_it_moves_a_run_nothing_of_it_is_lost(tmp_path):
+    folders = [tmp_path / str(moves) for moves in range(MOVES)]
+    before = [finished_run(folder) for folder in folders]
+    ended = subprocess.run([sys.executable, "-c", KILLED, *folders], capture_output=True, text=True, check=True)
+    assert ended.stdout.split() == [str(-signal.SIGKILL)] * MOVES
+    for folder, contents_before in zip(folders, before, strict=True):
+        with warnings.catch_warnings(action="ignore"), lock_folder(folder):
+            assert contents(folder) == contents_before
 
 
 def test_what_a_killed_writer_left_half_written_does_not_bar_the_folder(tmp_path):

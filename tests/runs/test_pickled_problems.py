@@ -14,7 +14,6 @@ from problems import kim_2021, marcos_2012, panda, tringali_2020
 PROBLEMS = [
     kim_2021.directions_dam,
     marcos_2012.first_step,
-    marcos_2012.first_posture,
     panda.across_the_table,
     tringali_2020.simulation_5,
 ]
