@@ -16,16 +16,15 @@ def tangents_meet(
     right: Float[np.ndarray, " 2"],
     left_weights: Float[np.ndarray, " 2"],
     right_weights: Float[np.ndarray, " 2"],
-    *,
-    margin: float = 1e-6,
 ) -> Float[np.ndarray, " 2"] | None:
     """Return the point at which the tangents of two neighbours meet, or None.
 
     None means that they do not meet between the two in both objectives, or that weights are unknown. A tangent is
     perpendicular to the weights. On a smooth piece of a front, convex or not, tangents meet between neighbours that are
-    close enough; across a jump they contradict each other. Unknown weights are NaN. If tangents meet outside by a share
-    of at most ``margin`` of the distance, the point is moved inside.
+    close enough; across a jump they contradict each other. Unknown weights are NaN. If tangents meet outside by at most
+    a millionth of the distance, the point is moved inside.
     """
+    margin = 1e-6
     width = right - left
     determinant = left_weights[0] * right_weights[1] - left_weights[1] * right_weights[0]
     if not np.isfinite(determinant) or determinant == 0.0:
@@ -76,24 +75,34 @@ PREFERENCE_OPTIONS = PreferenceOptions()
 # Points that weights can reach: those on the convex hull.
 
 
-def supported(shares: Objectives) -> Mask:
-    """Mark the points with the least weighted sum of ``shares`` for some weights.
+def lower_hull(values: Float[np.ndarray, "points 2"]) -> list[int]:
+    """Return the rows of points on the lower convex hull.
 
-    With two objectives these are on the lower convex hull; Andrew 1979, Information Processing Letters 9(5).
+    ``values`` are sorted by the first objective, then by the second. Source: Andrew 1979, Information Processing
+    Letters 9(5).
     """
-    if shares.shape[1] != 2:
-        return unmatched_by_mixtures(shares)
-    hull = list[tuple[float, float]]()
-    for x, y in sorted(map(tuple, shares.tolist())):
-        if hull and x == hull[-1][0]:  # no better than the one before
+    hull, points = list[int](), values.tolist()
+    for row, (x, y) in enumerate(points):
+        if hull and x == points[hull[-1]][0]:  # no better than the one before
             continue
         while len(hull) > 1:
-            (ax, ay), (bx, by) = hull[-2:]
+            (ax, ay), (bx, by) = points[hull[-2]], points[hull[-1]]
             if (bx - ax) * (y - ay) > (by - ay) * (x - ax):  # the hull turns left
                 break
             hull.pop()
-        hull.append((x, y))
-    corners_x, corners_y = np.array(hull).T
+        hull.append(row)
+    return hull
+
+
+def supported(shares: Objectives) -> Mask:
+    """Mark the points with the least weighted sum of ``shares`` for some weights.
+
+    With two objectives these are on the lower convex hull.
+    """
+    if shares.shape[1] != 2:
+        return unmatched_by_mixtures(shares)
+    ordered = shares[np.lexsort((shares[:, 1], shares[:, 0]))]
+    corners_x, corners_y = ordered[lower_hull(ordered)].T
     heights = np.interp(shares[:, 0] - PREFERENCE_OPTIONS.hull, corners_x, corners_y, left=np.inf)
     return np.asarray(shares[:, 1] - PREFERENCE_OPTIONS.hull < heights)
 

@@ -18,7 +18,7 @@ from jaxtyping import Float
 from paretoik.arrays import Point, Points
 from paretoik.errors import EvaluationFailed
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.program import FEASIBLE, Goal, InteriorPointOptions, Program, Solver, violation_of
+from paretoik.nlp.program import FEASIBLE, Goal, InteriorPointOptions, Program, violation_of
 from paretoik.pareto.continuation import Continuation, can_follow, follow, guess_optimum
 from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM
 
@@ -135,9 +135,7 @@ class Destination:
     jump: bool  # whether there is a barrier between the start and the point
 
 
-def move(
-    program: Program, front: FrontPoints, start: int, aim: Aim, between: Between, *, solver: Solver = "auto"
-) -> Destination | None:
+def move(program: Program, front: FrontPoints, start: int, aim: Aim, between: Between) -> Destination | None:
     """Return the result of a move from a known point; None if no optimum is found."""
     # follow the start's branch, and those of rivals
     goal, neighbours = aim.at_share(1.0), _neighbours(front, start, aim)
@@ -172,14 +170,14 @@ def move(
             share = aim.wish.by / max(float(gains[i]), 1e-300)
             if share < 1.0:
                 starts += list(between(front.x[start], front.x[i], np.array([share])))
-        candidates += _solve(program, starts, goal, OPTIONS.barriers, solver)
+        candidates += _solve(program, starts, goal, OPTIONS.barriers)
     behind, is_curve = _behind(front, start, aim), len(aim.ranges) == 2  # points of a surface have no order
     if leaves or (is_curve and (others or has_barrier(program, front.x[start], front.x[behind], between, aim.ranges))):
-        candidates += _solve(program, [front.x[behind]], goal, (OPTIONS.high,), solver)
+        candidates += _solve(program, [front.x[behind]], goal, (OPTIONS.high,))
     best = _best(program, candidates, goal)
     if best is None:  # starts farther away
         farther = [front.x[i] for i in _nearest(front, aim) if i not in (start, *neighbours)][: OPTIONS.farther]
-        best = _best(program, _solve(program, farther, goal, OPTIONS.barriers, solver), goal)
+        best = _best(program, _solve(program, farther, goal, OPTIONS.barriers), goal)
     if best is not None:
         is_followed = arrived and best is candidates[0]
         jump = not is_followed and has_barrier(program, front.x[start], best, between, aim.ranges)
@@ -190,9 +188,9 @@ def move(
     return None
 
 
-def reach(program: Program, x: Point, goal: Goal, *, solver: Solver = "auto") -> Point | None:
+def reach(program: Program, x: Point, goal: Goal) -> Point | None:
     """Return the optimum of a goal from a nearby point; else None."""
-    return _best(program, _solve(program, [x], goal, OPTIONS.barriers, solver), goal)
+    return _best(program, _solve(program, [x], goal, OPTIONS.barriers), goal)
 
 
 def has_barrier(
@@ -267,11 +265,7 @@ def _behind(front: FrontPoints, start: int, aim: Aim) -> int:
 
 
 def _solve(
-    program: Program,
-    points: Sequence[Point],
-    goal: Goal,
-    barriers: tuple[InteriorPointOptions, ...],
-    solver: Solver,
+    program: Program, points: Sequence[Point], goal: Goal, barriers: tuple[InteriorPointOptions, ...]
 ) -> list[Point]:
     """Return the optima that points lead to, each by the first barrier that converges."""
     optima, unsolved, starts = list[Point](), np.ones(len(points), dtype=bool), np.array(points)
@@ -280,7 +274,7 @@ def _solve(
         if not len(rows):
             break
         upper = np.tile(goal.upper, (len(rows), 1))
-        solutions = minimise(program, starts[rows], goal.weights[None], upper, options, rows=goal.rows, solver=solver)
+        solutions = minimise(program, starts[rows], goal.weights[None], upper, options, rows=goal.rows)
         optima += list(solutions.x[solutions.converged])
         unsolved[rows[solutions.converged]] = False
     return optima

@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.front.geometry import curve_area, tangents_meet
+from paretoik.front.geometry import curve_area, lower_hull, tangents_meet
 
 # Spread of points over a front: non-dominated points, gaps, and the next point.
 
@@ -91,13 +91,13 @@ def _levels(ends: Float[np.ndarray, "2 n_obj"]) -> list[tuple[int, Float[np.ndar
     return [(int(main), np.where(np.arange(len(middle)) == main, np.inf, middle)) for main in mains]
 
 
-def _wide_gaps(values: np.ndarray, ends: np.ndarray, *, share: float = 0.95) -> list[tuple[float, ...]]:
-    """Return the gaps between two points at least ``share`` as wide."""
+def _wide_gaps(values: np.ndarray, ends: np.ndarray) -> list[tuple[float, ...]]:
+    """Return the gaps between two points at least 95 % as wide."""
     size = float(np.linalg.norm(ends[1] - ends[0]))
     off = np.linalg.norm(values[:, None] - ends, axis=2)
     inside = np.sum(off**2, axis=1) <= size**2 * (1 + 1e-9)
     pairs = [(i, j) for i, j in _gaps(values) if inside[i] and inside[j]]
-    wide = [pair for pair in pairs if np.linalg.norm(values[pair[0]] - values[pair[1]]) >= share * size]
+    wide = [pair for pair in pairs if np.linalg.norm(values[pair[0]] - values[pair[1]]) >= 0.95 * size]
     return [tuple(np.concatenate([values[i], values[j]]).tolist()) for i, j in wide]
 
 
@@ -212,15 +212,7 @@ def hull_pairs(values: Float[np.ndarray, "points 2"]) -> list[tuple[int, int]]:
 
     Points above the hull may be on a worse branch. ``values`` are sorted by the first objective.
     """
-    hull = list[int]()
-    for i, value in enumerate(values):
-        while len(hull) > 1:
-            one, other = values[hull[-1]] - values[hull[-2]], value - values[hull[-2]]
-            if one[0] * other[1] - one[1] * other[0] > 0:
-                break
-            hull.pop()
-        hull.append(i)
-    return [(i, j) for i, j in pairwise(hull) if j > i + 1]
+    return [(i, j) for i, j in pairwise(lower_hull(values)) if j > i + 1]
 
 
 def next_targets(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], points: int) -> list[Target]:

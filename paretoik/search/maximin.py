@@ -288,14 +288,12 @@ def _by_maximin(Z: Floats, ranks: Integers, is_beyond: Mask, count: int) -> tupl
     return np.concatenate(positions), np.concatenate(distances)
 
 
-def _with_species(
-    chosen: Integers, distance: Floats, ranks: Integers, species: Integers, *, share: float = 0.5
-) -> tuple[Integers, Floats]:
+def _with_species(chosen: Integers, distance: Floats, ranks: Integers, species: Integers) -> tuple[Integers, Floats]:
     """Replace the points of abundant species that were chosen last by the best of others.
 
-    Each species gets an equal part of at most a ``share`` of all places.
+    Each species gets an equal part of at most half of the places.
     """
-    quota = int(share * chosen.size)
+    quota = chosen.size // 2
     best_first = np.lexsort((np.arange(len(ranks)), ranks))
     labels = list(dict.fromkeys(species[best_first].tolist()))
     floor = max(1, quota // len(labels))

@@ -56,8 +56,8 @@ class SmoothMutation(Mutation):  # type: ignore[misc]  # pymoo has no types
     The last genes of an individual are rows of length ``row``; genes before them do not change.
     """
 
-    def __init__(self, row: int, *, prob: float = 0.8) -> None:
-        super().__init__(prob=prob)
+    def __init__(self, row: int) -> None:
+        super().__init__(prob=0.8)
         self.row = row
 
     def _do(self, problem: Any, X: Floats, *args: Any, random_state: np.random.Generator, **kwargs: Any) -> Floats:
@@ -117,8 +117,8 @@ class RowCrossover(Crossover):  # type: ignore[misc]  # pymoo has no types
     A row of one gene is exchanged or not. None means one row of all genes.
     """
 
-    def __init__(self, row: int | None = None, *, prob: float = 0.5) -> None:
-        super().__init__(2, 2, prob=prob)
+    def __init__(self, row: int | None = None) -> None:
+        super().__init__(2, 2, prob=0.5)
         self.row = row
 
     def _do(self, problem: Any, X: Floats, *args: Any, random_state: np.random.Generator, **kwargs: Any) -> Floats:
@@ -133,8 +133,8 @@ class RowCrossover(Crossover):  # type: ignore[misc]  # pymoo has no types
 class ReplaceOne(Mutation):  # type: ignore[misc]  # pymoo has no types
     """Replaces one random gene with a value that is uniform between its bounds."""
 
-    def __init__(self, *, prob: float = 0.5) -> None:
-        super().__init__(prob=prob)
+    def __init__(self) -> None:
+        super().__init__(prob=0.5)
 
     def _do(self, problem: Any, X: Floats, *args: Any, random_state: np.random.Generator, **kwargs: Any) -> Floats:
         gene = random_state.integers(X.shape[1], size=len(X))

@@ -110,7 +110,7 @@ def all_forces(name, q):
 
 @pytest.mark.parametrize("name", DRIVES)
 def test_no_posture_pushes_harder_both_ways_than_the_refined_front(name):
-    refined = pk.solve(forces(DRIVES[name]), population=40, generations=15, seed=1, points=20, refine=True)
+    refined = pk.solve(forces(DRIVES[name]), population=32, generations=10, seed=1, points=12, refine=True)
     assert (refined.certificates.status == "minimum").all()
     assert refined.certificates.criticality.max() <= 1e-7
     everything = all_forces(name, all_postures(LENGTHS, PLACE, np.linspace(-np.pi, np.pi, 20_000, endpoint=False)))

@@ -1,5 +1,7 @@
 """pymoo's own algorithms, without options, find feasible points of every formulation with limits."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from pymoo.algorithms.moo.nsga2 import NSGA2
@@ -47,6 +49,7 @@ def around(arm, q, distance):
     return pk.obstacles.Circle(center[:2], radius) if arm.is_planar else pk.obstacles.Sphere(center, radius)
 
 
+@cache
 def tracking(seed):
     """Return a tracking problem with position and velocity limits just wider than the best roll-out needs."""
     arm, q, rng = small_arm(seed)

@@ -24,7 +24,7 @@ def problem():
 
 @pytest.fixture(scope="module")
 def front(problem):
-    return pk.epsilon_front(problem, points=10, starts=24)
+    return pk.epsilon_front(problem, points=10, starts=8)
 
 
 def test_whole_turns_of_a_joint_are_left_out_between_motions(problem, front):

@@ -64,7 +64,7 @@ MAKERS = {
 
 @cache
 def front_of(name):
-    return pk.epsilon_front(MAKERS[name](), points=7, starts=4, observe=False)
+    return pk.epsilon_front(MAKERS[name](), points=5, starts=2, observe=False)
 
 
 SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("two", "three", "point to point")]
@@ -152,7 +152,9 @@ def test_moves_and_predictions_compute_with_one_blas_thread():
         threads.update(library["num_threads"] for library in blas)
         return motion.dq[..., -1] ** 2
 
-    front = pk.epsilon_front(tracking(pk.kinetic_energy, wrist_effort), points=3, starts=2, observe=False)
+    front = pk.epsilon_front(
+        tracking(pk.kinetic_energy, wrist_effort, path=line(11)), points=3, starts=2, observe=False
+    )
     with threadpool_limits(limits=3, user_api="blas"):
         for verb in (front.navigate, front.predict):
             threads.clear()

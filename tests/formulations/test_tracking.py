@@ -58,7 +58,7 @@ def test_objectives_are_those_of_the_decoded_motions():
 
 def test_constraint_columns_are_named_and_explained():
     problem = paper_3r(limits=Limits(position=POSITION, velocity=3.8))
-    genes = genes_of(problem, 300)
+    genes = genes_of(problem, 100)
     G = evaluate(problem, genes)["G"]
     motions, reasons = problem.decode(genes), problem.explain(genes)
     names = problem.constraint_names
@@ -67,7 +67,7 @@ def test_constraint_columns_are_named_and_explained():
     column = names.index("velocity of joint3")
     np.testing.assert_allclose(G[:, column], (np.abs(motions.dq[..., 2]).max(axis=1) - 3.8) / 7.6, rtol=1e-9)
     broken = np.flatnonzero((G > 0).any(axis=1))
-    assert 0 < len(broken) < 300
+    assert 0 < len(broken) < 100
     for i in broken:
         worst = names[int(np.argmax(G[i]))]
         how = "(below its lower|above its upper) limit" if worst.startswith("position") else "exceeded"
@@ -77,13 +77,13 @@ def test_constraint_columns_are_named_and_explained():
 def test_obstacles_become_a_constraint_that_motions_really_satisfy():
     post = pk.obstacles.Circle([0.25, 0.22], 0.05)
     problem = paper_3r(obstacles=[post], link_radius=0.02, limits=Limits(clearance=0.01), bases=8)
-    genes = genes_of(problem, 300)
+    genes = genes_of(problem, 100)
     out = evaluate(problem, genes)
     clear = (out["G"] <= 0).all(axis=1)
     assert problem.constraint_names[-1] == "clearance"
-    assert 10 < clear.sum() < 290
+    assert 10 < clear.sum() < 90
     motions = problem.decode(genes)
-    gaps = np.full(300, np.inf)
+    gaps = np.full(100, np.inf)
     for share in np.linspace(0, 1, 51):  # every link, densely, by hand
         points = motions.links[..., :-1, :] + share * np.diff(motions.links, axis=-2)
         apart = np.linalg.norm(points[..., :2] - [0.25, 0.22], axis=-1) - 0.05 - 0.02

@@ -26,7 +26,7 @@ ARM = pk.Arm.planar(
 )
 START = np.array([0.0, 0.327, -0.754])
 FIRST = kinematics.forward_kinematics(tringali_3r(), START)[1][:2]
-AHEAD = line(FIRST, FIRST + np.array([-0.27, 0.11]), duration=5.0, samples=101)
+AHEAD = line(FIRST, FIRST + np.array([-0.27, 0.11]), duration=5.0, samples=51)
 WEIGHTED, PLAIN = methods.WeightedGradientProjection(criteria=BOTH), methods.GradientProjection(criteria=BOTH)
 EVEN = Even(np.eye(2), np.array([-0.6, -0.6]), np.array([0.6, 0.6]))  # 1 m/s everywhere
 METHODS = {
@@ -70,13 +70,14 @@ def predictive(optimum):
 
 @pytest.mark.parametrize("name", METHODS)
 def test_any_method_has_ranges_and_values_of_an_individual_do_not_depend_on_its_batch(name):
-    problem = pk.Tuning(ARM, PATH, METHODS[name], judged_starts=2)
+    path = line([0.4, 0.05], [0.3, 0.15], duration=1.0, samples=11)
+    problem = pk.Tuning(ARM, path, METHODS[name], judged_starts=2)
     genes = genes_of(problem, 3)
     F, G = problem.evaluate(genes, return_values_of=["F", "G"])
     assert F.shape == (3, 4)
     assert np.isfinite(F).all()
     assert G.shape == (3, 1)
-    assert problem.decode(genes).q.shape == (3, 41, 3)
+    assert problem.decode(genes).q.shape == (3, 11, 3)
     assert set(problem.values(genes)) == {field for each in problem.parameters for field in each.fields}
     np.testing.assert_array_equal(problem.evaluate(genes[1:2], return_values_of=["F"]), F[1:2])
 
@@ -165,7 +166,7 @@ def test_no_motion_beats_the_optimum_and_a_front_trades_work_for_energy(predicti
     assert (front.objectives[:, 0] > 0.999 * lowest_energy).all()
     assert front.objectives[0, 0] < 1.2 * lowest_energy
     assert len(front) > 1
-    assert front.motions.q.shape[1:] == (101, 3)
+    assert front.motions.q.shape[1:] == (51, 3)
 
 
 def test_time_optimal_control_is_tuned_by_its_duration_and_the_work_of_a_plan():

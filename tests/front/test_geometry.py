@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog, nnls
 
@@ -17,6 +17,7 @@ from paretoik.front.geometry import unmatched_by_mixtures
 from tests.front.random_fronts import minima, random_front
 
 seeds = st.integers(0, 10**6)
+few = settings(max_examples=30)
 
 
 @dataclass(frozen=True)
@@ -79,16 +80,19 @@ def two_valleys(rng, points):
     return Line(valleys, np.concatenate([left, right]))
 
 
+@few
 @given(seed=seeds, points=st.integers(1, 12))
 def test_a_convex_front_of_one_branch_has_no_jumps(seed, points):
     assert certified(one_valley(np.random.default_rng(seed), points)).jumps == ()
 
 
+@few
 @given(seed=seeds, points=st.integers(2, 8))
 def test_a_front_of_two_branches_jumps_once_from_the_last_point_of_one_to_the_first_of_the_other(seed, points):
     assert certified(two_valleys(np.random.default_rng(seed), points)).jumps == ((points - 1, points),)
 
 
+@few
 @given(
     seed=seeds,
     scales=st.tuples(*[st.floats(1e-6, 1e6)] * 2),
@@ -102,6 +106,7 @@ def test_neither_units_nor_signs_change_jumps_and_missing_hypervolume(seed, scal
     assert other.missing_hypervolume == pytest.approx(front.missing_hypervolume, rel=1e-6)
 
 
+@few
 @given(seed=seeds, points=st.integers(2, 30))
 def test_the_missing_hypervolume_of_bowls_is_that_between_the_points(seed, points):
     x = np.linspace(0.05, 0.95, points) + np.random.default_rng(seed).uniform(-0.04, 0.04, points) / points

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -19,6 +19,7 @@ from paretoik.front.hypervolume import (
 )
 
 GRID = st.integers(0, 5).map(float)
+few = settings(max_examples=40)
 
 
 def matrices(max_points: int = 12, max_objectives: int = 4):
@@ -30,6 +31,7 @@ def dominates(a: np.ndarray, b: np.ndarray) -> bool:
     return bool((a <= b).all() and (a < b).any())
 
 
+@few
 @given(matrices())
 def test_non_dominated_agrees_with_the_definition(F):
     finite = np.isfinite(F).all(axis=1)
@@ -42,6 +44,7 @@ def test_non_dominated_agrees_with_the_definition(F):
     assert non_dominated(F).tolist() == expected
 
 
+@few
 @given(matrices(max_points=8, max_objectives=3))
 def test_hypervolume_counts_the_unit_cells_that_are_dominated(F):
     reference = np.full(F.shape[1], 4.0)
@@ -73,6 +76,7 @@ def test_an_estimate_is_near_the_hypervolume_in_any_units_and_exact_up_to_four_o
     assert estimate == pytest.approx(volume, rel=0.0 if n_obj <= 4 else 0.01)
 
 
+@few
 @given(seed=st.integers(0, 99))
 def test_an_estimate_never_falls_if_points_are_added_or_improve(seed):
     rng = np.random.default_rng(seed)

@@ -21,6 +21,7 @@ from tests.api.problems import tracking
 
 SEARCH = {"population": 24, "generations": 10, "seed": 1, "points": 8, "observe": False}
 FIRST_ID = 10_000
+MORE, STARTS = 12, 8  # points of a front with room for new ones; starts per objective
 TOLERANCE = 2e-6  # of a range: end points may lose 1e-6 of it in favour of other objectives
 
 
@@ -54,11 +55,14 @@ def refined(made):
 
 @cache
 def completed(made, points):
-    return complete(searched(made), points)
+    """Return the completed front, and the stages that its progress showed, each with those that follow."""
+    stages = list[tuple[str, str]]()
+    front = complete(searched(made), points, lambda progress: stages.append((progress.stage, progress.then)))
+    return front, stages
 
 
 def complete(front, points, observe=None):
-    completion = Completion(points=points, seed=0, first_id=FIRST_ID)
+    completion = Completion(points=points, seed=0, first_id=FIRST_ID, starts=STARTS)
     request = RunRequest(verb="solve", problem=front.problem, settings={}, observe=observe)
     with open_session(request) as session:
         done = refine_front(front, front.problem, solver="auto", observe=session.observe, completion=completion)
@@ -83,26 +87,27 @@ def assert_ids(before, after):
 
 @pytest.mark.parametrize("made", [tracking, three])
 def test_the_best_of_every_objective_is_no_worse_than_the_planners(made):
-    front, ranges = completed(made, 8), ranges_of(completed(made, 8).minimised)
+    front = completed(made, 8)[0]
+    ranges = ranges_of(front.minimised)
     objectives = (pk.kinetic_energy, pk.torque_norm)
     limits = {} if made is tracking else {"position": 3.0}
     for k, objective in enumerate(objectives):
-        best = pk.plan(tracking(objective, **limits), starts=24, seed=0, observe=False).best.objective
+        best = pk.plan(tracking(objective, **limits), starts=STARTS, seed=0, observe=False).best.objective
         assert front.minimised[:, k].min() <= best + TOLERANCE * ranges[k]
 
 
 @pytest.mark.parametrize("made", [walk, directions])
 def test_the_end_points_are_those_of_an_epsilon_front(made):
-    ends = pk.epsilon_front(made(), points=2, starts=24, observe=False).minimised
-    front = completed(made, 8).minimised
+    ends = pk.epsilon_front(made(), points=2, starts=STARTS, observe=False).minimised
+    front = completed(made, 8)[0].minimised
     assert ((front.min(axis=0) - ends.min(axis=0)) / np.ptp(ends, axis=0) <= TOLERANCE).all()
     assert np.ptp(front, axis=0) == pytest.approx(np.ptp(ends, axis=0), rel=1e-2)
 
 
 @pytest.mark.parametrize("made", MADE)
 def test_a_refined_point_is_lost_only_if_there_are_more_than_asked_for(made):
-    front = completed(made, 40)
-    assert lost(refined(made), front) == [] or len(front) == 40
+    front = completed(made, MORE)[0]
+    assert lost(refined(made), front) == [] or len(front) == MORE
     assert_ids(refined(made), front)
     assert set(refined(made).ids) & set(front.ids)
     assert (front.ids >= FIRST_ID).any()
@@ -110,7 +115,7 @@ def test_a_refined_point_is_lost_only_if_there_are_more_than_asked_for(made):
 
 @pytest.mark.parametrize("made", MADE)
 def test_there_are_no_more_points_than_asked_for_and_all_are_certified(made):
-    front = completed(made, 8)
+    front = completed(made, 8)[0]
     assert len(front) == 8
     assert_ids(refined(made), front)
     assert (front.certificates.status == "minimum").all()
@@ -119,8 +124,8 @@ def test_there_are_no_more_points_than_asked_for_and_all_are_certified(made):
 @pytest.mark.parametrize("made", [tracking, walk, directions])
 def test_at_equal_numbers_of_points_the_front_gains_hypervolume(made):
     one = refined(made).minimised
-    for points in (len(one), 40):
-        other = completed(made, points).minimised
+    for points in (len(one), MORE):
+        other = completed(made, points)[0].minimised
         corner = np.maximum(one.max(axis=0), other.max(axis=0)) + 0.1 * np.ptp(other, axis=0)
         assert len(other) <= points
         assert hypervolume(other, corner) > hypervolume(one, corner)
@@ -136,7 +141,7 @@ def test_a_signal_keeps_all_that_was_refined(made, stage):
         if progress.stage == stage and not STOP[0]:
             os.kill(os.getpid(), signal.SIGINT)
 
-    front = complete(searched(made), 40, interrupt)
+    front = complete(searched(made), MORE, interrupt)
     assert front.provenance["status"] == "SIGINT"
     assert stage in stages
     assert lost(searched(made) if stage == "refinement" else refined(made), front) == []
@@ -148,34 +153,29 @@ def test_a_signal_keeps_all_that_was_refined(made, stage):
 
 @pytest.mark.parametrize("fault", [Infeasible("none"), SolverFailed("none")])
 def test_the_refined_points_stay_if_the_planner_finds_nothing(fault, monkeypatch):
-    problem = tracking()
-    front = pk.solve(problem, **SEARCH)
-
     def fail(*_, **__):
         raise fault
 
-    monkeypatch.setattr(type(problem), "cold_search", fail)
-    assert np.array_equal(complete(front, 40).objectives, pk.refine(front, observe=False).objectives)
+    monkeypatch.setattr(pk.Tracking, "cold_search", fail)
+    assert np.array_equal(complete(searched(tracking), MORE).objectives, refined(tracking).objectives)
 
 
 def test_one_objective_is_refined_and_no_more():
     front = pk.solve(tracking(pk.kinetic_energy), **SEARCH)
-    again = complete(front, 40)
+    again = complete(front, MORE)
     assert np.array_equal(again.objectives, pk.refine(front, observe=False).objectives)
     assert np.array_equal(again.ids, front.ids)
 
 
 def test_an_initial_end_leaves_the_other_objectives_finite():
-    searched_front = searched(walk)
-    cold = pk.epsilon_front(walk(), points=4, starts=8, observe=False).minimised
-    warm = pk.epsilon_front(walk(), points=4, starts=8, initial=searched_front, observe=False).minimised
-    assert len(warm) == 4
+    cold = pk.epsilon_front(walk(), points=3, starts=4, observe=False).minimised
+    warm = pk.epsilon_front(walk(), points=3, starts=4, initial=searched(walk), observe=False).minimised
+    assert len(warm) == 3
     assert warm.max(axis=0) == pytest.approx(cold.max(axis=0), rel=1e-2)
 
 
 def test_the_planner_comes_after_refining():
-    stages = list[tuple[str, str]]()
-    complete(searched(tracking), 8, lambda progress: stages.append((progress.stage, progress.then)))
+    stages = completed(tracking, 8)[1]
     order = list(dict.fromkeys(stage for stage, _ in stages if stage != "compilation"))
     assert order[:3] == ["refinement", "optimum", "point"]
     assert order[-1] == "certification"

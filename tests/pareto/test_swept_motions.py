@@ -58,7 +58,7 @@ def test_exchange_rates_are_the_slopes_of_neighbouring_solves(front):
 def test_a_point_in_a_worse_valley_is_bettered_from_its_neighbours():
     problem = pk.Tracking(
         pk.arms.marcos_nr(4),
-        pk.line([2.0, 0.0], [1.5, 1.0], duration=1.0, samples=26),
+        pk.line([2.0, 0.0], [1.5, 1.0], duration=1.0, samples=16),
         objectives=[pk.joint_limit_distance, pk.manipulability],
         limits=pk.Limits(position=3.0),
         differences="backward",
@@ -66,7 +66,7 @@ def test_a_point_in_a_worse_valley_is_bettered_from_its_neighbours():
     front = pk.epsilon_front(problem, points=5, starts=8)
     ranges = np.ptp(front.minimised, axis=0)
     program, task = motion_program(problem.task, ranges), problem.task
-    bump = 0.01 * np.sin(np.linspace(0, np.pi, 26))[:, None] * np.array([0.3, -1.0, 1.0, -0.4])
+    bump = 0.01 * np.sin(np.linspace(0, np.pi, 16))[:, None] * np.array([0.3, -1.0, 1.0, -0.4])
     motion = front.motions.q[2] + bump
     spoiled = retract_nearest(task.arm, task.tasks, motion, task.targets)
     assert spoiled.on_path.all()

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from paretoik.front.front import Front
 from paretoik.front.preferences.compromise import best_rows, compromise, marked_rows, score_shares
 from tests.front.random_fronts import random_front
+
+few = settings(max_examples=40)
 
 
 def hollow() -> Front:
@@ -24,6 +26,7 @@ def hollow() -> Front:
     )
 
 
+@few
 @given(st.integers(0, 10**6))
 def test_no_point_has_a_smaller_largest_share_than_the_compromise(seed):
     front = random_front(seed)
@@ -54,6 +57,7 @@ SMALL = st.integers(0, 3).map(float)  # so that many are equal
 FRONTS = st.tuples(st.integers(1, 9), st.integers(1, 4)).flatmap(lambda shape: arrays(float, shape, elements=SMALL))
 
 
+@few
 @given(F=FRONTS, data=st.data())
 def test_the_best_of_an_objective_is_the_first_by_value_and_then_by_id(F, data):
     ids = np.array(data.draw(st.permutations(range(7, 7 + len(F)))))
@@ -61,6 +65,7 @@ def test_the_best_of_an_objective_is_the_first_by_value_and_then_by_id(F, data):
     assert best_rows(F, ids) == expected
 
 
+@few
 @given(F=FRONTS, data=st.data())
 def test_marked_points_are_the_best_of_every_objective_and_the_compromise_on_their_own_ranges(F, data):
     ids = np.array(data.draw(st.permutations(range(7, 7 + len(F)))))

@@ -15,7 +15,7 @@ from paretoik.front.preferences.compromise import Compromise
 from tests.front.preferences import brute_force
 from tests.front.random_fronts import random_front
 
-FRONTS = 240
+FRONTS = 60
 Asked = tuple[Preference, Callable[[Front], int | None]]
 
 
@@ -170,7 +170,7 @@ def in_other_units_too(preference: Preference, front: Front, scale: np.ndarray, 
 
 
 def test_no_choice_depends_on_the_units_of_the_objectives():
-    for seed in range(25):
+    for seed in range(12):
         front, rng = random_front(seed, points=20), np.random.default_rng(seed)
         scale, offset = 10.0 ** rng.uniform(-3, 3, len(front.names)), rng.uniform(-2, 2, len(front.names))
         offset *= scale
@@ -181,7 +181,7 @@ def test_no_choice_depends_on_the_units_of_the_objectives():
 
 
 def test_neither_the_order_of_the_points_nor_copies_of_them_move_a_choice():
-    for seed in range(25):
+    for seed in range(12):
         front, rng = random_front(seed, points=20), np.random.default_rng(seed)
         order = rng.permutation(len(front))
         copies = rng.integers(0, len(front), 5)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
@@ -10,6 +10,7 @@ from paretoik.front.front import Front
 from paretoik.front.preferences import Bounds, Classify, Weights
 
 LINE = np.linspace(0.1, 1.0, 7)
+few = settings(max_examples=30)
 
 
 def curve(**changes) -> Front:
@@ -23,6 +24,7 @@ def curve(**changes) -> Front:
     return Front(**(settings | changes))
 
 
+@few
 @given(st.floats(0, 1e308), st.floats(0, 1e308))
 def test_the_least_weighted_sum_of_shares_wins(energy, torque):
     if energy == torque == 0:
@@ -37,6 +39,7 @@ def test_the_least_weighted_sum_of_shares_wins(energy, torque):
     assert (choice.objectives == front.objectives[choice.index]).all()
 
 
+@few
 @given(st.floats(0.01, 100), st.floats(0.01, 100), st.floats(-1e3, 1e3), st.floats(0.01, 1.0))
 def test_neither_units_nor_the_sum_of_the_weights_matter(scale, factor, offset, weight):
     front = curve()
