@@ -48,6 +48,8 @@ def check_some(item: Any) -> Any:
         return item
     if "<locals>" in item.__qualname__:
         return item  # it is made anew at every call of what encloses it, and so would its checks be
+    if item.__annotations__.get("return") == "Self":
+        return item  # beartype knows Self only if it decorates the class
 
     check = functools.cache(lambda: _jaxtyped(item, typechecker=_typechecker))  # made at the first call, if any
 

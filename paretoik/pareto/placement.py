@@ -126,6 +126,8 @@ class PlacementOptions:
     total: int = 400  # approximate largest number of places in all gaps; each gap has fewer if there are many gaps
     # least gain of a replacement when there are enough points, as a share of the hypervolume in all gaps
     gain: float = 0.005
+    # difference between equal gains, as a share: a chord has many best subsets, and rounding must not choose among them
+    tie: float = 1e-8
 
 
 OPTIONS = PlacementOptions()
@@ -166,13 +168,14 @@ class BestSubsets:
         first, second = values.T
         self._gain = (first[-1] - first) * (second[:, None] - second) - cost  # gain of point (column) after point (row)
         self._gain[np.tril_indices(len(values))] = -np.inf
+        self._tie = OPTIONS.tie * (first[-1] - first[0]) * (second[0] - second[-1])
         self._best, self._before = [self._gain[0]], list[np.ndarray]()
 
     def _extend(self, count: int) -> None:
         while len(self._before) < count - 2:
             sums = self._best[-1][:, None] + self._gain
-            self._before.append(sums.argmax(axis=0))
             self._best.append(sums.max(axis=0))
+            self._before.append((sums >= self._best[-1] - self._tie).argmax(axis=0))
 
     def rows(self, count: int) -> Int[np.ndarray, " rows"]:
         """Return the rows of the best subset of ``count`` ≥ 2 points."""
@@ -230,7 +233,7 @@ def next_targets(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], poi
         totals, full = np.zeros(len(gaps), dtype=int), OPTIONS.places + 2
         gains = np.array([gap.subsets.volume(3) for gap in gaps])
         for _ in range(missing):
-            k = int(np.argmax(gains))
+            k = _first_largest(gains)
             totals[k] += 1
             now, more = (min(2 + int(totals[k]) + extra, full) for extra in (0, 1))
             gains[k] = gaps[k].subsets.volume(more) - gaps[k].subsets.volume(now)
@@ -239,7 +242,7 @@ def next_targets(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], poi
             curve = gaps[i].places
             rows = gaps[i].subsets.rows(min(2 + int(totals[i]), full))[1:-1]
             gain = (curve[-1, 0] - curve[rows, 0]) * (curve[0, 1] - curve[rows, 1])
-            best = int(np.argmax(gain))
+            best = _first_largest(gain)
             targets.append(Target(gap=i, values=curve[rows[best]], gain=float(gain[best])))
     else:
         # the best subset of non-dominated points and places, in order, and the gap of each (−1 for a point)
@@ -262,4 +265,11 @@ def next_targets(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], poi
             for before, row, after in zip(chosen[:-2], chosen[1:-1], chosen[2:], strict=True)
             if owners[row] >= 0
         ]
-    return sorted(targets, key=lambda target: -target.gain)
+    if targets:
+        targets.insert(0, targets.pop(_first_largest(np.array([target.gain for target in targets]))))
+    return targets[:1] + sorted(targets[1:], key=lambda target: -target.gain)
+
+
+def _first_largest(gains: Float[np.ndarray, " gains"]) -> int:
+    """Return the index of the first gain that equals the largest, but for rounding."""
+    return int(np.argmax(gains >= gains.max() - OPTIONS.tie * abs(gains.max())))

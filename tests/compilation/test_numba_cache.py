@@ -14,7 +14,13 @@ import pytest
 
 from paretoik.compilation import numba_cache as compilation
 from paretoik.compilation.numba_cache import c_function, carray, compiled
-from paretoik.compilation_notices import CompilationNotice, announce, observe_compilation, print_line
+from paretoik.compilation_notices import (
+    CompilationNotice,
+    begin_compilation,
+    end_compilation,
+    observe_compilation,
+    print_line,
+)
 
 ROOT = Path(__file__).parents[2]
 
@@ -162,10 +168,11 @@ def test_a_cache_with_classes_of_a_module_that_is_gone_is_compiled_anew(tmp_path
 def test_observers_end_with_their_block(capsys):
     seen = []
     with observe_compilation(seen.append):
-        announce(CompilationNotice(what="a", seconds=3.0))
-    announce(CompilationNotice(what="b"))
+        begin_compilation(CompilationNotice(what="a", seconds=3.0))
+    begin_compilation(CompilationNotice(what="b", seconds=2.0))
+    end_compilation()
     assert [notice.what for notice in seen] == ["a"]
-    assert capsys.readouterr().err == "compiling b, once for this copy of paretoik\n"
+    assert capsys.readouterr().err == "compiling b, once for this copy of paretoik: about 2 s\n"
     print_line(CompilationNotice(what="c", seconds=12.4))
     assert capsys.readouterr().err == "compiling c, once for this copy of paretoik: about 12 s\n"
 
