@@ -38,7 +38,7 @@ from .front.preferences import Knee as Knee
 from .front.preferences import Lexicographic as Lexicographic
 from .front.preferences import Robust as Robust
 from .front.preferences import Weights as Weights
-from .front.preferences.compromise import Compromise as Compromise
+from .front.preferences.knee_and_compromise import Compromise as Compromise
 from .joint_trajectory import controllers as controllers
 from .resolution import measures as measures
 from .resolution import methods as methods

@@ -17,7 +17,7 @@ from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import require_program
 from paretoik.front.front import Front
 from paretoik.front.hypervolume import HypervolumeCurve
-from paretoik.front.preferences.compromise import marked_rows
+from paretoik.front.preferences.knee_and_compromise import marked_rows
 from paretoik.inputs import check_count, check_seed, check_size
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver

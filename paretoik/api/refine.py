@@ -19,7 +19,7 @@ from paretoik.front import hypervolume as indicators
 from paretoik.front.front import Front
 from paretoik.front.hypervolume import HypervolumeCurve, ranges_of
 from paretoik.front.points import ADDED_SAMPLES, SOLVERS
-from paretoik.front.preferences.compromise import marked_rows
+from paretoik.front.preferences.knee_and_compromise import marked_rows
 from paretoik.inputs import file_path, shown
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import FEASIBLE, Solver

@@ -18,7 +18,7 @@ from paretoik.api.result import infeasible_entries, nearest_motion
 from paretoik.errors import Infeasible, InvalidInput, SolverFailed, warn_user
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
-from paretoik.front.preferences.compromise import compromise
+from paretoik.front.preferences.knee_and_compromise import compromise
 from paretoik.front.storage import front_files
 from paretoik.inputs import cause_of, check_flag, check_size, check_text, file_path
 from paretoik.nlp.program import Solver, check_solver_name

@@ -24,7 +24,7 @@ from paretoik.formulations.control_step import check_steps, read_steps
 from paretoik.formulations.protocol import ProblemParts, explain_violation, require_program, timeline, violation_words
 from paretoik.front.front import Front
 from paretoik.front.hypervolume import HypervolumeCurve
-from paretoik.front.preferences.compromise import marked_rows
+from paretoik.front.preferences.knee_and_compromise import marked_rows
 from paretoik.inputs import check_size, real_array, shown
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver

@@ -28,7 +28,7 @@ from paretoik.front.choice import Preference
 from paretoik.front.choice_tree import present_point, read_choices
 from paretoik.front.points import NAVIGATIONS
 from paretoik.front.preferences import Aspiration, Bounds, Classify, Knee, Lexicographic, Robust, Weights
-from paretoik.front.preferences.compromise import Compromise, Point
+from paretoik.front.preferences.knee_and_compromise import Compromise, Point
 from paretoik.inputs import likely_spelling, shown
 from paretoik.progress import open_observer
 from paretoik.runs.files import PICTURE_MARK, RUN, check_target, problem_words, read_run

@@ -65,7 +65,7 @@ def show(
             from paretoik.api.load import load_front
             from paretoik.formulations.protocol import is_loop
             from paretoik.front.choice_tree import pick_point
-            from paretoik.front.preferences.compromise import compromise
+            from paretoik.front.preferences.knee_and_compromise import compromise
             from paretoik.review.drawing.choice_layer import recording_with_choice
 
             front = load_front(run, agreed_problem(run, problem))

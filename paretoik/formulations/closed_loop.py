@@ -354,9 +354,9 @@ class ClosedLoop:
         search(self.step_state(1))
 
     def steps(self, record_steps: Collection[int] = ()) -> Iterator[StepRecord]:
-        """Search, choose and step at one sample after the other (Marcos et al. 2012, Fig. 1).
+        """Yield each step: search a front, choose a point, move (Marcos et al. 2012, Fig. 1).
 
-        ``record_steps`` is that of ``run``. Raises Infeasible, naming the step, if no configuration is admissible.
+        ``record_steps``: as in ``run``. Raises Infeasible, naming the step, if no configuration is admissible.
         """
         search, history = self.step_evolution(), np.tile(self.start, (HISTORY, 1))
         for sample in range(1, len(self.task.times)):

@@ -100,7 +100,7 @@ def check_start(
     if outside.size:
         k = int(outside[0])
         raise InvalidInput(
-            f"{name}: {task.arm.joint_names[k]} must lie within {lower[k]:.6g} to {upper[k]:.6g}, got {q[k]:.6g}"
+            f"{name}: {task.arm.joint_names[k]} must be from {lower[k]:.6g} to {upper[k]:.6g}, got {q[k]:.6g}"
         )
     distance = float(excess_clearance(task, q))
     if distance <= 0:

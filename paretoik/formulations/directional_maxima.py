@@ -212,7 +212,7 @@ class DirectionalMaxima(DenseFormulation):
         return np.array([quantity == "velocity" for quantity in self.quantities])
 
     def _largest_values(self, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, " directions"]:
-        """Return the highest speed [m/s] or force [N] along each direction, over all postures and sliders.
+        """Return the highest speed [m/s] or force [N] over all directions and postures, per direction.
 
         Raises InvalidInput, naming the direction, for a force that no motor bounds.
         """
@@ -353,7 +353,7 @@ class DirectionalMaxima(DenseFormulation):
         )
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
-        """Return the unknowns of the smooth program at genes."""
+        """Return the smooth program's unknowns for genes."""
         at, program = self.configuration(genes), self._unscaled
         z = np.zeros((len(genes), program.unknowns))
         z[:, program.slices["q"]] = at.q

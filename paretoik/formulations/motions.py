@@ -90,7 +90,7 @@ def restore_motions(problem: Any, front: Front) -> Any:
     motions = None if parts.task is None else motions_of_task(problem, front.motions, front.ids.tolist())
     if motions is None:
         if parts.follows_path is True:
-            raise InvalidRun("motions must have the times of the problem's path, got others")
+            raise InvalidRun("motions must have the times of the problem's path, got other times")
         decoded = None if front.genes is None else parts.decode(np.array(front.genes))
         return front.motions if decoded is None else decoded
     if is_loop(front):

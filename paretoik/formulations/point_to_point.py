@@ -392,7 +392,7 @@ class PointToPoint(DenseFormulation):
         return Motion(arm=self.arm, time=time, q=q, differences="backward")
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
-        """Return the unknowns of the smooth program at genes."""
+        """Return the smooth program's unknowns for genes."""
         paths = self.initial_paths
         q, front, _ = self.profiles(genes)
         timing = minimum_timing(self.arm, self.actuation, paths.spline @ q, paths.spline @ front)

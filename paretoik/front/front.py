@@ -197,7 +197,7 @@ class Front(FrontData):
         is_row = isinstance(ids, Sequence | np.ndarray) and not isinstance(ids, str)
         array = np.asarray(ids) if is_row else np.empty((0, 0))
         if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
-            raise InvalidInput(f"front: the index must be an id, or several, got {shown(ids)}")
+            raise InvalidInput(f"front index must be an id or a list of ids, got {shown(ids)}")
         return take(self, rows_of(self, array, "front"))
 
     def __iter__(self) -> Iterator[Choice]:

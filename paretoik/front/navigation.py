@@ -24,12 +24,12 @@ from paretoik.inputs import check_size, finite_number, listed, read_list, shown
 class NavigationDefaults:
     """Defaults of moves along a front.
 
-    critical: criticality up to which a point counts as critical
-    share, remaining: size of a move as a share of the range, and its upper bound as a share of the way to the best
-        point
+    critical: largest criticality of a critical point
+    share: size of a move, as a share of the range
     smallest_gain: share of the range below which a gain counts as none
+    remaining: largest move, as a share of the way to the best point
     points: number of new points around a point
-    largest_gain: largest gain as a multiple of the range; a larger one is a mistake and makes solvers fail
+    largest_gain: largest gain, as a multiple of the range; larger ones make solvers fail
     """
 
     critical: float = 1e-6

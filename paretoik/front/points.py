@@ -141,7 +141,7 @@ def check_objectives(
         raise InvalidInput(f"front objectives must be an array (points, n_obj), got shape {objectives.shape}")
     if not np.isfinite(objectives).all():
         bad = int((~np.isfinite(objectives).all(axis=1)).sum())
-        raise InvalidInput(f"front objectives must be finite numbers, got {bad} of {len(objectives)} points without")
+        raise InvalidInput(f"front objectives must be finite, got inf or nan in {bad} of {len(objectives)} points")
     n_obj = objectives.shape[1]
     for part, each, kind, wish in (
         ("names", names, str, "a list of names"),
@@ -199,7 +199,7 @@ def check_ranges(values: np.ndarray, objectives: Objectives) -> Ranges:
         ranges = np.zeros((n_obj, 2)) if empty else np.stack([objectives.min(axis=0), objectives.max(axis=0)], axis=1)
     if ranges.shape != (n_obj, 2) or not np.isfinite(ranges).all() or (ranges[:, 0] > ranges[:, 1]).any():
         raise InvalidInput(
-            f"front ranges must be a finite (lower, upper) for each of {n_obj}, got {shown(ranges.tolist())}"
+            f"front ranges must be {n_obj} finite pairs (lower, upper), lower <= upper, got {shown(ranges.tolist())}"
         )
     with np.errstate(over="ignore"):
         wide = ~np.isfinite(np.ptp(ranges, axis=1))

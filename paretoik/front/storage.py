@@ -69,8 +69,8 @@ def save(front: FrontData, folder: Path, *, overwrite: bool = False) -> None:
                 )
             if not keeps and not overwrite:
                 raise InvalidInput(
-                    f"{folder} must be a new folder or this front's own, got one that holds another run, or points "
-                    "that this front has not; overwrite=True replaces it"
+                    f"{folder} must be a new folder or this front's own, got one with another run or with points "
+                    "that this front does not have; overwrite=True replaces it"
                 )
             if not keeps and (folder / CHOICES).exists():
                 files[CHOICES] = run_bytes({"entries": [], "current": None})
@@ -119,7 +119,7 @@ def front_files(front: FrontData) -> dict[str, bytes]:
     try:
         return result_files({**front.provenance, "objectives": objectives, "points": len(front)}, files)
     except (TypeError, ValueError) as fault:
-        raise InvalidInput(f"front provenance must fit strict JSON, got {fault}") from fault
+        raise InvalidInput(f"front provenance must be strict JSON: {fault}") from fault
 
 
 def stored_points(folder: Path) -> dict[int, tuple[float, ...]]:
@@ -169,7 +169,7 @@ def load(folder: Path, *, make: Callable[..., Front], build_motions: MotionBuild
             provenance={key: value for key, value in run.items() if key not in RESERVED_ENTRIES},
         )
     except (InvalidInput, TypeError, ValueError) as fault:
-        raise InvalidRun(f"{folder} must be a valid front, got another: {fault}") from fault
+        raise InvalidRun(f"{folder} is not a valid front: {fault}") from fault
     return attach(front, folder)
 
 
@@ -230,7 +230,7 @@ def read_motions(file: Path, content: bytes, ids: np.ndarray) -> dict[str, np.nd
     except Exception as fault:  # any error of the parser is the file's fault
         raise InvalidRun(f"{file} must be plain arrays, got {first_line(fault)}") from fault
     if "id" not in arrays or not np.array_equal(arrays["id"], ids):
-        raise InvalidRun(f"{file} must have the ids of {TABLE}, got others")
+        raise InvalidRun(f"{file} must have the ids of {TABLE}, got other ids")
     q, time, joints = (arrays.get(name, np.empty(0)) for name in ("q", "time", "joint_names"))
     kinds = "".join(array.dtype.kind for array in (q, time, joints))
     fits = q.ndim == 3 and len(q) == len(ids) and time.shape == q.shape[:2] and joints.shape == q.shape[2:]

@@ -23,7 +23,7 @@ from paretoik.front.choice_tree import Choices
 from paretoik.front.comparison import flatten
 from paretoik.front.front import Front
 from paretoik.front.points import take
-from paretoik.front.preferences.compromise import best_rows, compromise
+from paretoik.front.preferences.knee_and_compromise import best_rows, compromise
 from paretoik.review.outlines import obstacle_lines
 from paretoik.review.palette import PAPER, is_sliding, objective_label
 from paretoik.runs.executor import computed_text

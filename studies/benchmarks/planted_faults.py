@@ -49,7 +49,7 @@ FAULTS = (
     Fault("search/operators.py", "np.arange(len(pop), 0, -1)", "np.arange(1, len(pop) + 1)", "search"),
     Fault("search/archive.py", "np.abs(points[:, axis] - new", "(points[:, axis] - new", "search"),
     Fault("front/hypervolume.py", "<= near).all(axis=1)", "<= near).any(axis=1)", "front"),
-    Fault("front/preferences/compromise.py", "columns.max(axis=0) +", "columns.min(axis=0) +", "front"),
+    Fault("front/preferences/knee_and_compromise.py", "columns.max(axis=0) +", "columns.min(axis=0) +", "front"),
     Fault("front/geometry.py", "shares[:, 0] - PREFERENCE_OPTIONS.hull", "shares[:, 0]", "front"),
     Fault("resolution/step_kernels.py", "1.0 / (1.0 - d) - 1.0 / d", "1.0 / (1.0 - d) - 2.0 / d", "resolution"),
     Fault("resolution/step_kernels.py", "s * s * (3.0 - 2.0 * s)", "s * s", "resolution"),

@@ -82,7 +82,7 @@ def whole(motion):
     ("settings", "said"),
     [
         ({"weights": [1.0, 2.0, 3.0]}, "weights"),
-        ({"start": [4.0, 0.0, 0.0], "limits": pk.Limits(position=3.0)}, "start: .* must lie within -3 to 3, got 4"),
+        ({"start": [4.0, 0.0, 0.0], "limits": pk.Limits(position=3.0)}, "start: .* must be from -3 to 3, got 4"),
         (
             {"obstacles": [pk.obstacles.Circle([1.2, 0.5], 1.0)]},
             "start: must be clear of obstacles, got -.* from obstacle 1 of 1",

@@ -95,7 +95,7 @@ def test_a_damaged_file_of_choices_is_refused_in_one_line(kept):
 
 def test_a_run_that_was_replaced_gets_no_choice_of_the_former_front(front, kept):
     other = replace(front, objectives=front.objectives * [2.0, 1.0])
-    with pytest.raises(InvalidInput, match="holds another run"):
+    with pytest.raises(InvalidInput, match="got one with another run"):
         other.save(kept.folder)
     other.save(kept.folder, overwrite=True)
     with pytest.warns(RuntimeWarning, match="the choice is not kept"):
@@ -107,7 +107,7 @@ def test_saving_into_its_own_folder_keeps_the_choices_and_losing_points_is_refus
     kept.select({"energy": 1.0})
     Front.load(kept.folder).save(kept.folder)
     assert len(kept.choices) == 1
-    with pytest.raises(InvalidInput, match="points that this front has not"):
+    with pytest.raises(InvalidInput, match="points that this front does not have"):
         kept.where(energy=(None, 2.0)).save(kept.folder)
 
 

@@ -51,7 +51,7 @@ def test_a_part_knows_the_largest_id_of_the_whole_in_its_run_too(front, tmp_path
     ("ask", "words"),
     [
         (lambda front: front[31], r"ids must be those of the front's points \(5 from 10 to 50\), got 31"),
-        (lambda front: front["a"], "the index must be an id, or several"),
+        (lambda front: front["a"], "front index must be an id or a list of ids"),
         (
             lambda front: front.where(enrgy=(0, 1)),
             r"where must have names among energy, reach, got 'enrgy'; did you mean 'energy'\?",

@@ -15,7 +15,7 @@ import paretoik as pk
 from paretoik.front.choice_tree import Choices, KeptChoice
 from paretoik.front.front import Front
 from paretoik.front.points import StoredJoints, StoredMotions
-from paretoik.front.preferences.compromise import compromise
+from paretoik.front.preferences.knee_and_compromise import compromise
 from paretoik.review.report import Report, ReportMotions, ReportOptions, Steps
 from tests.review.page_reading import Page, unpacked
 from tests.review.pictures.test_certificates import certified

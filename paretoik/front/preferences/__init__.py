@@ -5,7 +5,7 @@ do not move a choice; ``front.choice.first_row`` decides ties.
 """
 
 from paretoik.front.preferences.aspiration import Aspiration, Classify
-from paretoik.front.preferences.compromise import Knee
+from paretoik.front.preferences.knee_and_compromise import Knee
 from paretoik.front.preferences.requests import Bounds
 from paretoik.front.preferences.weights import Lexicographic, Robust, Weights
 

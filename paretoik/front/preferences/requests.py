@@ -32,7 +32,7 @@ from paretoik.front.points import (
     row_of,
     take,
 )
-from paretoik.front.preferences.compromise import Compromise, Knee, Point
+from paretoik.front.preferences.knee_and_compromise import Compromise, Knee, Point
 from paretoik.front.preferences.weights import Weights
 from paretoik.inputs import is_integer, likely_spelling, shown, user_function
 from paretoik.tables import html_representation
@@ -132,8 +132,8 @@ def as_preference(wish: Any, *, name: str = "select") -> Preference:
             return BY_NAME[wish]()
         names = ", ".join(map(repr, BY_NAME))
         raise InvalidInput(
-            f"{name}: must be a preference, by name {names}, got {shown(wish)}{likely_spelling(wish, BY_NAME)}; others "
-            "take numbers or names, such as Weights(energy=1.0), Aspiration, Lexicographic, Bounds, Robust, Classify"
+            f"{name} must be one of {names} or a preference, such as Weights(energy=1.0), Aspiration, Lexicographic, "
+            f"Bounds, Robust or Classify, got {shown(wish)}{likely_spelling(wish, BY_NAME)}"
         )
     if isinstance(wish, Mapping):
         return Weights(wish)

@@ -21,7 +21,7 @@ from paretoik.front.choice import Prediction
 from paretoik.front.choice_tree import pick_point
 from paretoik.front.front import Choice, Front
 from paretoik.front.points import NAVIGATIONS
-from paretoik.front.preferences.compromise import compromise
+from paretoik.front.preferences.knee_and_compromise import compromise
 from paretoik.inputs import shown
 from paretoik.review.drawing.choice_layer import ROOTS, ChoiceLayer
 from paretoik.review.drawing.motion import motion_frames

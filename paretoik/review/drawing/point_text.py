@@ -10,7 +10,7 @@ import numpy as np
 from paretoik.arrays import Objectives
 from paretoik.front.choice import Choice
 from paretoik.front.front import Front
-from paretoik.front.preferences.compromise import COMPROMISE_IN_WORDS
+from paretoik.front.preferences.knee_and_compromise import COMPROMISE_IN_WORDS
 from paretoik.review.drawing.axes import screen_text, unbroken_units
 from paretoik.review.palette import DRAWING, is_sliding
 from paretoik.review.recording.messages import LeastViolating, RecordedMotion, Workcell, joint_curves

@@ -23,7 +23,7 @@ from paretoik.front.choice import Choice
 from paretoik.front.comparison import Comparison
 from paretoik.front.front import Front
 from paretoik.front.points import StoredMotions
-from paretoik.front.preferences.compromise import best_rows, compromise
+from paretoik.front.preferences.knee_and_compromise import best_rows, compromise
 from paretoik.review.outlines import count_covered, freest_place, obstacle_lines, places_beside, places_between
 from paretoik.review.palette import PAPER, even_rows, objective_label
 from paretoik.review.words import describe_limits_between

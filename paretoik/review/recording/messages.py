@@ -16,7 +16,7 @@ from paretoik.capability.joint_capability import Quantity, joint_speeds, torque_
 from paretoik.formulations.protocol import task_of
 from paretoik.front.choice import Choice
 from paretoik.front.front import Front
-from paretoik.front.preferences.compromise import best_rows
+from paretoik.front.preferences.knee_and_compromise import best_rows
 from paretoik.resolution.protocol import ResolvedMotion
 from paretoik.review.palette import DRAWING, even_rows, is_sliding, joint_units
 from paretoik.robot.arm import Arm

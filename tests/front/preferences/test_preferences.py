@@ -11,7 +11,7 @@ import pytest
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.front import Front, Preference
 from paretoik.front.preferences import Aspiration, Bounds, Classify, Lexicographic, Robust, Weights
-from paretoik.front.preferences.compromise import Compromise
+from paretoik.front.preferences.knee_and_compromise import Compromise
 from tests.front.preferences import brute_force
 from tests.front.random_fronts import random_front
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.front.preferences.compromise import compromise
+from paretoik.front.preferences.knee_and_compromise import compromise
 from paretoik.review.drawing.choice_layer import RecordedRun, recording_with_choice
 from tests.review.reading import (
     FRAME,

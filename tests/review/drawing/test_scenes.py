@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import paretoik as pk
-from paretoik.front.preferences.compromise import compromise
+from paretoik.front.preferences.knee_and_compromise import compromise
 from paretoik.review.drawing.choice_layer import RecordedRun, recording_with_choice
 from paretoik.review.drawing.motion import limit_lines
 from paretoik.review.palette import SCREEN

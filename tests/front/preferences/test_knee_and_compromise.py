@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from paretoik.front.front import Front
-from paretoik.front.preferences.compromise import best_rows, compromise, marked_rows, score_shares
+from paretoik.front.preferences.knee_and_compromise import best_rows, compromise, marked_rows, score_shares
 from tests.front.random_fronts import random_front
 
 few = settings(max_examples=40)
