@@ -254,8 +254,8 @@ class MotionScene:
     ) -> None:
         """Move the arm of a point on the timeline ``motion``, also between its samples and at ``times`` [s].
 
-        Joints are interpolated linearly between samples. If the point is chosen, its joint quantities are
-        logged at the samples. Cursors of further ``charts`` move along.
+        Joints are interpolated linearly between samples. If the point is chosen, its joint quantities are logged at the
+        samples. Cursors of further ``charts`` move along.
         """
         motion = point.motion
         if motion is None or motion.is_standing:

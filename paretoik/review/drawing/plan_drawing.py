@@ -100,7 +100,7 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
         f"- **{scene.name}**{', more is better' if scene.maximised else ''}: {_value(scene, value)}{worse}",
     ]
     if optimum.branch:
-        words = "bend of each inner joint, after `~` if the joint passes through straight"
+        words = "bend of each inner joint, with `~` if it passes through the straight position"
         lines.append(f"- branch {_branch(optimum)}: {words}")
     lines.append(f"- {optimum.status} (local)")
     if np.isfinite(optimum.violation_between):
