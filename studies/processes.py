@@ -136,7 +136,7 @@ def each_result(
 
 
 def call(_: None, job: bytes) -> Any:
-    """Call a function with its arguments: both are sent by name, for processes that remember their objects."""
+    """Call the function with the arguments that a job contains."""
     work, args = pickle.loads(job)
     return work(*args)
 

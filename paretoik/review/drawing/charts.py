@@ -1,4 +1,4 @@
-"""Curves over a search or a motion, drawn by hand: a series view is empty while another timeline plays."""
+"""Curves over a search or a motion, drawn by hand: Rerun's series view is empty while another timeline plays."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ class RecordedTab(rrb.Container):
 
 
 class RecordedRun:
-    """The recording of a run without later choices; raises InvalidInput if it cannot be read."""
+    """The recording of a run, without its choices. Raises InvalidInput if it cannot be read."""
 
     def __init__(self, file: Path) -> None:
         try:
@@ -178,7 +178,7 @@ class ChoiceLayer:
     def blueprint(self) -> rrb.Blueprint:
         """Return the layout, with the views of the recorded run, if any, in a second tab.
 
-        The words of one choice are next to the arm; those of two, or in a narrow viewer, below the front.
+        The text of one choice is next to the arm; texts of two, or in a narrow viewer, are below the front.
         """
         arms = [motion_views(motions) for motions in self._motions if motions is not None]
         texts = [

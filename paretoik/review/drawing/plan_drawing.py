@@ -113,7 +113,7 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
 
 
 def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) -> str:
-    """Return the text of a plan whose ``first`` level had ``first`` starts; all levels had ``starts``."""
+    """Return the text of a plan; ``first``, ``starts``: numbers of starts of the first and of all levels."""
     lines = [optimum_text(scene, end.optima, 0, len(end.optima)), "", "## Optima", ""]
     for place, each in enumerate(end.optima[: DRAWING.optima]):
         branch, twin = _branch(each) if each.branch else "", _twin_words(scene, end.optima, place)
