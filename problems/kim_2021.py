@@ -10,7 +10,7 @@ from __future__ import annotations
 from paretoik import DirectionalMaxima, PointToPoint, arms, capability
 
 PLACE = (0.2, -0.15)  # m, Figure 5
-START, TARGET = (0.1, -0.15), (0.2, -0.15)  # m, positions 4 and 6 of Figure 6, as its grid is read
+START, TARGET = (0.1, -0.15), (0.2, -0.15)  # m, positions 4 and 6, read off the grid of Figure 6
 WAYS = ((1.0, 0.0), (0.0, 1.0))
 
 

@@ -1,7 +1,7 @@
 """Marcos, Machado & Azevedo-Perdicoúlis 2012: two turns of a circle, with a search at every millisecond.
 
 Arms of three or four unit links, the circle's centre 0.7 or 2 m from the base, with or without the two obstacles of
-section 5.2. A closed loop is followed, not searched once::
+section 5.2. A closed loop is run step by step::
 
     run = circle_3r().run()
     run.position_error, run.drift
@@ -22,7 +22,7 @@ RATE = 7.0  # rad/s
 RADIUS = 0.5
 STEP = 1e-3  # s
 TURNS = 2
-LONGEST = 0.1  # rad that a joint may move in a step
+LONGEST = 0.1  # rad, largest joint step
 STEPS = int(TURNS * 2 * np.pi / RATE / STEP)
 DISTANCES = (0.7, 2.0)
 POPULATION = {3: 200, 4: 400}
@@ -30,7 +30,7 @@ Links = Literal[3, 4]
 
 
 def round_trip(distance: float, steps: int = STEPS) -> Path:
-    """Return the circle up to the last whole step: two turns take 0.2 ms more than a whole number of steps."""
+    """Return the circle up to the last whole step: two turns take 0.2 ms longer."""
     angle = RATE * STEP * steps
     return circle(
         (distance, 0.0), RADIUS, duration=STEP * steps, samples=steps + 1, turns=angle / (2 * np.pi), timing="uniform"
@@ -58,7 +58,7 @@ def loop(
     as_printed: bool = False,
     warm_start: bool = False,
 ) -> ClosedLoop:
-    """Return the closed loop of the paper; ``weight`` is that of the displacement.
+    """Return the closed loop of the paper; ``weight``: weight of the displacement.
 
     ``as_printed`` leaves joint steps unbounded, as the paper does: the arm can jump through an obstacle.
     """

@@ -22,9 +22,9 @@ POWER = 0.7
 
 
 def straight(samples: int = 101, *, length: float | None = None) -> Path:
-    """Return the rectilinear path, in 1 s: between the printed ends, 0.39977 m, or of a ``length`` that way [m].
+    """Return the straight path of 1 s between the printed ends, or of a ``length`` in that direction [m].
 
-    The text says 0.40 m.
+    The printed ends are 0.39977 m apart; the text says 0.40 m.
     """
     displacement = np.subtract(END, START)
     end = END if length is None else START + length * displacement / np.linalg.norm(displacement)
@@ -32,7 +32,7 @@ def straight(samples: int = 101, *, length: float | None = None) -> Path:
 
 
 def round_trip(samples: int = 101) -> Path:
-    """Return the circular path: its centre lies toward the base from the common start."""
+    """Return the circular path, whose centre is between the common start and the base."""
     return circle((START[0] - RADIUS, START[1]), RADIUS, duration=1.0, samples=samples)
 
 

@@ -14,7 +14,7 @@ from paretoik import Arm, Motion, Path, Tracking, Tuning, arms, circle, kinetic_
 
 START = (0.0, 0.327, -0.754)  # rad
 LENGTHS = (0.176, 0.176, 0.1375)
-DIRECTION = np.array([-0.3695, 0.1526]) / np.hypot(0.3695, 0.1526)  # that of the line of 2020
+DIRECTION = np.array([-0.3695, 0.1526]) / np.hypot(0.3695, 0.1526)  # direction of the line in the paper of 2020
 MIRROR = np.array([1.0, -1.0])  # along the unmirrored line, least-squares velocities meet a singularity
 RADIUS = 0.05
 DURATION = 10.0
@@ -34,7 +34,7 @@ def straight(length: float, *, mirrored: bool = False, samples: int = SAMPLES) -
 
 
 def round_trip(samples: int = SAMPLES, *, turns: int = 1) -> Path:
-    """Return the circular trajectory, its centre toward the base; the paper does not tell its sense."""
+    """Return the circular trajectory, its centre toward the base; the paper does not give its direction."""
     return circle(begin() - np.array([RADIUS, 0.0]), RADIUS, duration=DURATION, samples=samples, turns=turns)
 
 
@@ -77,7 +77,7 @@ def trajectory_4() -> Tracking:
 
 
 def schedule() -> Tuning:
-    """Find how far, how finely and how often to predict along 0.7 m: energy against the work of an update."""
+    """Find horizon, time step and updates of the prediction along 0.7 m: energy against work per update."""
     return schedule_along(4, optimum=plan(problem(4, samples=201)).best.motion)
 
 

@@ -3,8 +3,8 @@
 Positions move along a line by the modified trapezoidal law, Euler angles by a polynomial of fifth order. The paper does
 not say which Euler angles: intrinsic ZYZ come nearest to its Table 2, extrinsic xyz to its Table 3 (rows of
 ``studies.wan_2018``), and ZYZ are the default. It prints neither the duration of the motions nor their starts:
-durations are parameters with defaults that fit the times of its text, and starts are all over the self-motion of the
-first pose::
+durations are parameters with defaults that fit the times of its text, and starts are spread over the self-motion of
+the first pose::
 
     method = pk.methods.WeightedGradientProjection(feedback=80.0)
     pk.resolve(pk.arms.wan_7r(), simulation(), method, start=q, unreachable="track")
@@ -38,12 +38,12 @@ DAMPING_RANGE = methods.Parameter("damping", 1e-3, 1e-1, scale="log", fields=("r
 
 
 def simulation(duration: float = 0.3, euler: str = EULER) -> Path:
-    """Return the path of section 3.1, one way in ``duration`` [s]; ``euler`` names the axes of its angles."""
+    """Return the path of section 3.1, one way in ``duration`` [s]; ``euler``: axes of its angles."""
     return _path("simulation", np.linspace(0.0, 1.0, round(duration / STEP) + 1), euler)
 
 
 def experiment(duration: float = 1.855, euler: str = EULER) -> Path:
-    """Return the path of section 3.2, one way in ``duration`` [s] and back; ``euler`` names the axes of its angles."""
+    """Return the path of section 3.2, one way in ``duration`` [s] and back; ``euler``: axes of its angles."""
     fractions = np.linspace(0.0, 1.0, round(duration / STEP) + 1)
     return _path("experiment", np.concatenate([fractions, fractions[-2::-1]]), euler)
 
@@ -76,12 +76,12 @@ def plain_gains(judged_starts: int = 5) -> Tuning:
 
 
 def _tuning(method: methods.GradientProjection, names: list[str | methods.Parameter], judged_starts: int) -> Tuning:
-    """Return the search for a method's parameters; the path leaves the arm's reach: errors count and have no limit."""
+    """Return the search for a method's parameters, without a tolerance: the path leaves the arm's reach."""
     return Tuning(arms.wan_7r(), experiment(), method, parameters=names, judged_starts=judged_starts, tolerance=None)
 
 
 def modified_trapezoid(u: np.ndarray) -> np.ndarray:
-    """Return the share of the way at shares of the time: accelerations rise and fall as quarters of a sine."""
+    """Return the share of the path at shares ``u`` of the time; accelerations change as quarters of a sine."""
     fine = np.linspace(0.0, 1.0, 8001)
     folded = np.minimum(fine, 1.0 - fine)
     rising = np.where(folded < 0.125, np.sin(4 * np.pi * folded), np.cos(4 * np.pi * np.maximum(folded - 0.375, 0.0)))

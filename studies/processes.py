@@ -1,4 +1,4 @@
-"""Independent pieces of a study's work: in this process, in one process per core, or on a Dask cluster."""
+"""Independent parts of a study's work: run in this process, in one process per core, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ CORES = os.cpu_count() or 1
 def processes(cluster: str | None = None) -> Iterator[Executor]:
     """Yield one process of one thread per core, or the workers of a Dask cluster at an address.
 
-    A cluster's workers import the studies and the peers: they are started at the root of a checkout with the extra
-    ``bench``, and are like this machine if times are compared.
+    A cluster's workers import the studies and the peers: start them at the root of a checkout with the extra ``bench``,
+    and on machines like this one if times are compared.
     """
     if cluster is None:
         with closing(WorkerProcesses(CORES)) as here:
@@ -44,7 +44,7 @@ def processes(cluster: str | None = None) -> Iterator[Executor]:
 
 @contextmanager
 def workers_of(cluster: str | None) -> Iterator[Executor | None]:
-    """Yield the workers of a Dask cluster at an address; None, which means this process, without one."""
+    """Yield the workers of a Dask cluster at an address; without one, None for this process."""
     if cluster is None:
         yield None
         return
@@ -73,7 +73,7 @@ def run_seeds(
     load: Callable[[Key, int], Result | None] = lambda key, seed: None,
     save: Callable[[Key, int, Result], None] = lambda key, seed, result: None,
 ) -> dict[Key, list[Result]]:
-    """Return the results of ``work(*arguments(seed)[key])`` of every seed by key, seeds outermost.
+    """Return the results of ``work(*arguments(seed)[key])`` by key, one per seed, computed seed by seed.
 
     A result that ``load(key, seed)`` finds is not computed again; ``save(key, seed, result)`` gets each new one at
     once. A run that crashes, or does not end within ``limit`` seconds, counts as ``empty(key)``. After an interrupt the
@@ -96,7 +96,7 @@ def run_seeds(
             if not missing[seed]:
                 tell(f"seed {seed + 1} of {seeds}: done")
     except KeyboardInterrupt:
-        tell(f"interrupted: {sum(not missing[seed] for seed in range(seeds))} of {seeds} seeds are done, and judged")
+        tell(f"interrupted: {sum(not missing[seed] for seed in range(seeds))} of {seeds} seeds are done and count")
     whole: dict[Key, list[Result]] = {}
     for seed, key in calls:
         if not missing[seed]:
@@ -107,7 +107,7 @@ def run_seeds(
 def run_each(
     executor: Executor | None, calls: Mapping[Key, Callable[[], Result]], *, limit: float | None = None
 ) -> dict[Key, Result]:
-    """Return the results of calls without arguments, by key, as ``each_result`` computes them; prints each."""
+    """Return the results of calls by key, as ``each_result`` does, and print the key of each finished call."""
     results: dict[Key, Result] = {}
     for key, result in each_result(executor, calls, limit=limit):
         results[key] = result
@@ -120,8 +120,8 @@ def each_result(
 ) -> Iterator[tuple[Key, Result]]:
     """Yield the results of calls without arguments (``functools.partial`` of a module's function), as they end.
 
-    Without an executor this process computes them in their order. ``limit`` [s] is for each. Raises SystemExit if one
-    crashes or takes longer, and whatever one raises.
+    Without an executor this process computes them in their order. ``limit``: longest time of each call [s]. Raises
+    SystemExit if a call crashes or takes longer, and any error that a call raises.
     """
     if executor is None:
         yield from _bar(((key, compute()) for key, compute in calls.items()), len(calls))
@@ -136,13 +136,13 @@ def each_result(
 
 
 def call(_: None, job: bytes) -> Any:
-    """Call a function with its arguments: both are sent by name, for processes that remember their objects."""
+    """Call the function with the arguments that a job contains."""
     work, args = pickle.loads(job)
     return work(*args)
 
 
 def _job(work: Callable[..., Any], args: Sequence[Any]) -> bytes:
-    """Return a call as bytes: functions of modules by name, others by their content."""
+    """Return a call as bytes: functions of modules as their names, others as their content."""
     return bytes(cloudpickle.dumps((work, tuple(args))))
 
 
@@ -152,8 +152,8 @@ def _bar(results: Iterator[Result], total: int) -> Iterator[Result]:
 
 
 def _fault(reply: Reply) -> str:
-    """Return why there is no value."""
-    if isinstance(reply, Raised):  # a peer may raise anything, and the runs of others must not be lost
+    """Return why a reply has no value."""
+    if isinstance(reply, Raised):  # a peer may raise any error, which must not stop the runs of others
         return f"raised {type(reply.error).__name__}: {reply.error}"
     return getattr(reply, "cause", "")
 

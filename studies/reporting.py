@@ -41,7 +41,7 @@ def paper_numbers(study: str) -> dict[tuple[str, str, str], float]:
 class Row:
     """One number of a table: ours, a ``reference`` if there is one, and a note.
 
-    ``source`` names the reference: the paper's number, a goal, or a peer's, by name.
+    ``source``: origin of the reference: "paper", "goal", or the name of a peer.
     """
 
     table: str
@@ -67,7 +67,7 @@ def versus(
     source: str = "peer",
     note: str = "",
 ) -> Row:
-    """Return a row whose note has the ratio of ours to theirs and the goal, if there is one; less is better."""
+    """Return a row whose note has the ratio of ours to theirs and the goal, if any; lower is better."""
     ratio = ours / theirs if np.isfinite(theirs) and theirs > 0 else (0.0 if np.isfinite(ours) else np.inf)
     lost = goal is not None and not ratio <= goal
     parts = [f"ratio {ratio:.3g}", *([f"goal {goal:g}"] if goal is not None else []), *([note] if note else [])]
@@ -79,28 +79,30 @@ def versus(
 def goal_row(
     table: str, row: str, column: str, unit: str, ours: float, goal: float, note: str = "", *, least: bool = False
 ) -> Row:
-    """Return a row with its goal, the most (or the ``least``) that it may be; otherwise, and for NaN, it is lost."""
+    """Return a row with its goal, an upper bound, or a lower one if ``least``; NaN is a loss."""
     is_met = ours >= goal if least else ours <= goal
     note = ("" if is_met else LOSS) + (note or "goal")
     return Row(table, row, column, unit, float(ours), reference=float(goal), source="goal", note=note)
 
 
 def losses_first(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows, tables with a loss first and losses first in each."""
+    """Return the rows, losses first; tables with a loss then come first too."""
     return sorted(rows, key=lambda row: not row.note.startswith(LOSS))
 
 
 def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:
-    """Return the result of work, its seconds, and the processor's, of all threads."""
+    """Return the result of work, its duration [s], and the processor time of all threads [s]."""
     started, cpu = time.perf_counter(), time.process_time()
     result = work()
     return result, time.perf_counter() - started, time.process_time() - cpu
 
 
 def study_parser(description: str, *, quick: str = "", out: str = "", cluster: str = "") -> argparse.ArgumentParser:
-    """Return a parser of --json and, if given, of --quick, --out (a folder for pictures) and --cluster.
+    """Return a parser of --json, and of each of the options below that is given.
 
-    ``cluster`` says what the workers of a cluster compute.
+    quick: help of --quick
+    out: default of --out, a folder of pictures in runs/
+    cluster: what the workers of --cluster compute
     """
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", type=Path, metavar="FILE", help="file to write the rows to")
@@ -109,9 +111,7 @@ def study_parser(description: str, *, quick: str = "", out: str = "", cluster: s
     if out:
         parser.add_argument("--out", type=Path, default=Path("runs") / out, help="folder for the pictures")
     if cluster:
-        text = (
-            f"address of a Dask scheduler, as tcp://HOST:PORT, whose workers compute {cluster} in place of this machine"
-        )
+        text = f"address of a Dask scheduler, tcp://HOST:PORT: its workers compute {cluster}, instead of this machine"
         parser.add_argument("--cluster", metavar="ADDRESS", help=text)
     return parser
 

@@ -14,7 +14,7 @@ from scipy.stats import DegenerateDataWarning, bootstrap, mannwhitneyu
 from paretoik.arrays import Objectives, Values
 from studies.reporting import Row
 
-LEVEL, CONFIDENCE, RESAMPLES = 0.05, 0.95, 2000  # of tests; of intervals and their number of resamples
+LEVEL, CONFIDENCE, RESAMPLES = 0.05, 0.95, 2000  # level of tests; confidence and resamples of intervals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,7 @@ class SampleComparison:
     """Medians of two methods over seeds, their ``ratio`` with its bootstrap interval, and a Mann-Whitney test.
 
     ``a12`` is the probability that a value of ours is better than one of theirs, ties counted half (Vargha & Delaney
-    2000); ``p`` is that of no difference, not corrected for other tests.
+    2000); ``p`` is the p-value of no difference, not corrected for the number of tests.
     """
 
     ours: float
@@ -62,11 +62,11 @@ def _ratio_of_medians(ours: np.ndarray, theirs: np.ndarray, axis: int = -1) -> V
 
 
 def bootstrap_interval(statistic: Callable[..., Values], *samples: Values) -> tuple[float, float]:
-    """Return the percentile interval of a statistic of independent samples, which takes an ``axis``.
+    """Return the percentile interval of a ``statistic(*samples, axis=)`` of independent samples.
 
-    Not the bias-corrected one (BCa): its jackknife fails for medians (Efron & Tibshirani 1993, chapter 11), and it does
-    not exist for equal values. The interval is NaN if a sample has fewer than two values, or if the statistic of a
-    resample is not finite.
+    The bias-corrected interval (BCa) is not used: its jackknife fails for medians (Efron & Tibshirani 1993, chapter
+    11), and it does not exist for equal values. The interval is NaN if a sample has fewer than two values, or if the
+    statistic of a resample is not finite.
     """
     if min(map(len, samples)) < 2:
         return float("nan"), float("nan")
@@ -90,12 +90,12 @@ def holm(p: Sequence[float]) -> np.ndarray:
 
 
 MARGIN = {"hypervolume": 0.01, "IGD+": 0.1, "epsilon": 0.1}
-CORNER = 1.1  # of the hypervolume, in ranges of the union
+CORNER = 1.1  # reference point of the hypervolume, in ranges of the union
 
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison(SampleComparison):
-    """A comparison of an indicator with a peer's; ``p_equal`` is that of a difference beyond the margin."""
+    """A comparison of an indicator with a peer's; ``p_equal``: p-value of a difference beyond the margin."""
 
     problem: str
     indicator: str
@@ -120,7 +120,7 @@ def union(fronts: Sequence[Objectives]) -> Objectives:
 
 
 def scores(F: Objectives, union: Objectives) -> dict[str, float]:
-    """Judge a final front against the union; an empty one counts as the corner of the hypervolume."""
+    """Return the indicators of a final front; an empty one counts as the hypervolume's reference point."""
     ideal, width = union.min(axis=0), np.ptp(union, axis=0)
     width = np.where(width > 0, width, 1.0)
     corner = np.full(union.shape[1], CORNER)
@@ -134,7 +134,7 @@ def scores(F: Objectives, union: Objectives) -> dict[str, float]:
 
 
 def compare(problem: str, indicator: str, peer: str, ours: Values, theirs: Values) -> Comparison:
-    """Test one indicator of ours against a peer's, each (seeds,); equal values prove nothing."""
+    """Test whether an indicator (seeds,) differs from a peer's, and whether it equals it within a margin."""
     samples = compare_samples(ours, theirs, maximised=indicator == "hypervolume")
     margin = MARGIN[indicator]
     sides = (
@@ -162,7 +162,7 @@ def decide(rows: Sequence[Comparison]) -> list[Comparison]:
 
 def comparison_row(table: str, comparison: Comparison, verdict: str) -> Row:
     """Return a comparison as a row: our median and the peer's, the verdict and the tests in the note."""
-    column = f"{comparison.indicator} beside {comparison.peer}"
+    column = f"{comparison.indicator} compared with {comparison.peer}"
     note = f"{verdict}; {comparison.tests}"
     row = comparison.problem
     return Row(table, row, column, "", comparison.ours, reference=comparison.theirs, source=comparison.peer, note=note)
@@ -177,7 +177,7 @@ def tally_rows(table: str, decided: Sequence[Comparison], group: Callable[[Compa
         Row(
             table,
             name,
-            "wins, and losses beside them",
+            "wins, compared with losses",
             "",
             count["win"],
             reference=count["loss"],

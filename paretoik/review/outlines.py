@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere
 
-# Places of a label next to its mark or in a frame, and what it covers there; in any unit of length.
+# Places of labels: next to a mark or in a frame, and the marks that they cover; in any unit of length.
 
 
 Point = Float[np.ndarray, " 2"]
@@ -20,13 +20,13 @@ NO_LINES = np.zeros((0, 2, 2))
 
 
 def places_beside(mark: Point, half: Point, distances: tuple[float, ...]) -> Places:
-    """Return the middles of a label with half size ``half`` on all sides of its `mark`, the nearest first."""
+    """Return middles of a label on all sides of its `mark`, nearest first; ``half``: half its size."""
     sides = np.array([(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)], dtype=float)
     return np.concatenate([mark + sides * (half + distance) for distance in distances])
 
 
 def places_between(low: Point, high: Point, count: int) -> Places:
-    """Return a grid of ``count`` places each way between two corners; only one across an empty range."""
+    """Return a grid of ``count`` by ``count`` places between corners; one place along an empty range."""
     across, along = (np.linspace(a, b, count) if a < b else np.array([a]) for a, b in zip(low, high, strict=True))
     return np.stack(np.meshgrid(across, along), axis=-1).reshape(-1, 2)
 
@@ -36,7 +36,8 @@ def count_covered(
 ) -> Int[np.ndarray, " places"]:
     """Return how many marks a label covers at each place.
 
-    ``half`` is half the label's size, ``gap`` a margin around it.
+    half: half the label's size
+    gap: margin around the label
     """
     across, along = (
         np.abs(others[:, axis] - middles[:, axis, None]) < half[axis] + gap for axis in (0, 1)
@@ -56,18 +57,19 @@ def freest_place(
 ) -> tuple[Point, bool]:
     """Return the best place of a label, and whether it is free.
 
-    The best place has the lowest sum of covered marks and of ``lines`` that its line to `mark` crosses. Among equal
-    ones it is the place whose line touches the fewest other marks, within ``reach``, then the nearest to the mark; only
-    lines longer than ``leader`` are drawn. A place is free if it covers, crosses and touches nothing.
+    A label's leader is the line to its `mark`, drawn if it is longer than ``leader``. The best place has the lowest sum
+    of covered marks and of ``lines`` that the leader crosses. Among equal places, the leader passes the fewest other
+    marks within ``reach``, then the place is nearest to the mark. A place is free if nothing is covered, crossed or
+    passed.
     """
     ends = np.clip(mark, middles - half, middles + half)
     distances = np.linalg.norm(ends - mark, axis=1)
-    # crossings: the ends of either line are on both sides of the other one
+    # two lines cross if the ends of each are on both sides of the other
     tails, tips = lines[:, 0], lines[:, 1]
     sides = _side(mark, ends[:, None], tails) * _side(mark, ends[:, None], tips)
     ways = _side(tails, tips, mark) * _side(tails, tips, ends[:, None])
     lost = ((sides < 0.0) & (ways < 0.0)).sum(axis=1) + count_covered(middles, half, others, gap=gap)
-    # marks near the line; one that is near the mark itself only counts if the line leads towards it
+    # marks near the leader; one next to its own mark only counts if the leader points towards it
     along, away = ends - mark, others - mark
     squared = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
     shares = np.clip(away @ along.T / squared, 0.0, 1.0).T
@@ -79,7 +81,7 @@ def freest_place(
 
 
 def _side(tail: np.ndarray, tip: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Return the side of a line that a point is on, as a sign."""
+    """Return on which side of a line a point is, as a sign."""
     along, away = tip - tail, point - tail
     return np.asarray(along[..., 0] * away[..., 1] - along[..., 1] * away[..., 0])
 
@@ -90,11 +92,11 @@ def _side(tail: np.ndarray, tip: np.ndarray, point: np.ndarray) -> np.ndarray:
 Polyline = Float[np.ndarray, "_ axes"]
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 49) % (2.0 * np.pi)  # closed exactly
 RING = np.stack([np.cos(ANGLES), np.sin(ANGLES), np.zeros_like(ANGLES)], axis=1)
-EDGES = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]  # of a box, by its corners' signs
+EDGES = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]  # pairs of a box's corners
 
 
 def obstacle_lines(obstacles: Sequence[Obstacle], height: tuple[float, float] | None) -> list[Polyline]:
-    """Return obstacles as outlines in the plane, or as wires in space if there is a range of ``height`` [m]."""
+    """Return obstacles as outlines in the plane, or as wires in space if ``height`` [m] is given."""
     if height is None:
         return [line for line in map(outline, obstacles) if line is not None]
     return [line for obstacle in obstacles for line in wires(obstacle, height)]
@@ -111,7 +113,7 @@ def outline(obstacle: Obstacle) -> Polyline | None:
         case Capsule():
             centers = np.linspace(obstacle.start, obstacle.end, 33)
             return _hull(np.concatenate([_slice_of_ball(center, obstacle.radius) for center in centers]))
-        case Box():  # where its edges meet the plane; the corners of a rectangle in it
+        case Box():  # points where edges meet the plane, and the ends of edges in it
             corners, crossings = _box_corners(obstacle, (0.0, 0.0)), list[np.ndarray]()
             for low, high in (corners[list(edge)] for edge in EDGES):
                 if low[2] * high[2] <= 0 and low[2] != high[2]:
@@ -124,7 +126,7 @@ def outline(obstacle: Obstacle) -> Polyline | None:
 def wires(obstacle: Obstacle, height: tuple[float, float]) -> list[Polyline]:
     """Return an obstacle in space as lines, each (points, 3) [m].
 
-    Unbounded obstacles are drawn between the two numbers of ``height`` [m].
+    Unbounded obstacles are drawn between the two values of ``height`` [m].
     """
     match obstacle:
         case Circle():

@@ -1,4 +1,4 @@
-"""Colours, sizes and labels of drawings: one record for pictures on paper, one for recordings on a screen."""
+"""Colours, sizes and labels: of pictures on paper, and of recordings on a screen."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from paretoik.robot.arm import Arm
 
 
 def joint_units(arm: Arm, units: tuple[str, str]) -> str:
-    """Return the unit of an arm's joints: that of turning joints, of sliding ones, or both."""
+    """Return the unit of an arm's joints: that of its revolute joints, of its prismatic ones, or both."""
     (turning, straight), sliding = units, is_sliding(arm)
     return " or ".join(dict.fromkeys([turning] * bool((~sliding).any()) + [straight] * bool(sliding.any())))
 
 
 def is_sliding(arm: Arm) -> Bool[np.ndarray, " dof"]:
-    """Return which joints slide."""
+    """Return which joints are prismatic."""
     return np.array([kind == "prismatic" for kind in arm.joint_types])
 
 
 def even_rows(count: int, largest: int) -> Int[np.ndarray, " rows"]:
-    """Return at most ``largest`` evenly spread rows of ``count``; all if there are not more.
+    """Return at most ``largest`` of ``count`` rows, evenly spread.
 
     >>> even_rows(9, 3).tolist(), even_rows(2, 3).tolist(), even_rows(0, 3).tolist()
     ([0, 4, 8], [0, 1], [])
@@ -31,67 +31,67 @@ def even_rows(count: int, largest: int) -> Int[np.ndarray, " rows"]:
     return np.unique(np.linspace(0, count - 1, min(count, largest)).round().astype(np.int64))
 
 
-# The amount of drawing: sizes and bounds in recordings.
+# Recordings: how much is drawn, and the sizes.
 
 
 @dataclass(frozen=True, kw_only=True)
 class DrawingOptions:
     """Bounds of what a recording draws."""
 
-    matrix: int = 5  # largest number of objectives with a panel for every pair; with more, only for neighbours
+    matrix: int = 5  # largest number of objectives with a panel for every pair; with more, only neighbours have one
     walk: int = 60  # largest number of points on the timeline along the front
     starts: int = 240  # largest number of starts on the timeline of a plan's starts
     optima: int = 12  # largest number of listed optima of a plan
     near: float = 0.9  # share of a plan's results that its axes contain
-    better: float = 0.1  # reach of a plan's axes beyond the best, as a share of that beyond the worst
-    frames: float = 6.0  # generations per second on their timelines
-    slow_frames: float = 1.0  # objects per second on timelines that show a few, one by one
-    motion_frames: int = 100  # fewest postures along a motion
-    limit_distance: float = 2.5  # largest distance of a limit in the chart from the curves, in their ranges
+    better: float = 0.1  # margin of a plan's axes beyond the best value, as a share of the one beyond the worst
+    frames: float = 6.0  # speed of timelines of generations [1/s]
+    slow_frames: float = 1.0  # speed of other timelines that count, such as that of starts [1/s]
+    motion_frames: int = 100  # smallest number of postures along a motion
+    limit_distance: float = 2.5  # largest distance of a drawn limit from the curves, as a multiple of their range
     limit_tolerance: float = 1e-6  # excess up to which a limit counts as satisfied, as a share of its range
-    least_error: float = 1e-16  # errors are drawn as at least this, because their logarithm is drawn
-    rounding: float = 1e-10  # values up to this share of the largest are written as 0
-    mesh_bytes: float = 40e6  # largest size [bytes] of drawn meshes, which a recording contains completely
+    least_error: float = 1e-16  # smallest drawn error, because errors are drawn as logarithms
+    rounding: float = 1e-10  # share of the largest value up to which a value is written as 0
+    mesh_bytes: float = 40e6  # largest total size of the meshes in a recording [bytes]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewSizes:
     """Sizes of views [pixels] in a viewer of 1600 by 900, whose text has a fixed size."""
 
-    width: float = 1600.0  # of the viewer
+    width: float = 1600.0  # width of the viewer
     cell: float = 1000.0  # width of a notebook's cell
     body: float = 830.0  # height below the viewer's own bars
     title: float = 24.0  # height of a view's title
-    columns: tuple[float, float, float] = (600.0, 600.0, 400.0)  # widths of the front, the arm and the words
+    columns: tuple[float, float, float] = (600.0, 600.0, 400.0)  # widths of the front, the arm and the texts
     panels: tuple[float, float] = (600.0, 500.0)  # width and height of the upper view in a column
     chart: tuple[float, float] = (600.0, 236.0)  # width and height of the lower view in a column
-    tab_controls: float = 116.0  # width that the viewer takes at the right end of a row of tabs
-    tab_margin: float = 28.0  # around the name of a tab
+    tab_controls: float = 116.0  # width of the viewer's own buttons at the right end of a row of tabs
+    tab_margin: float = 28.0  # width around the name of a tab
     tab_character: float = 6.4  # width of a letter in the name of a tab
 
 
 @dataclass(frozen=True, kw_only=True)
 class MarkSizes:
-    """Sizes of marks and of what is around them, by default in pixels of the same viewer."""
+    """Sizes of marks and labels, in pixels of the same viewer unless it says otherwise."""
 
     end: float = 5.2  # radius of a best point
-    ring: float = 3.0  # additional radius for each mark on top of it
-    clearance: float = 9.0  # between a label and the middle of its mark
+    ring: float = 3.0  # additional radius for each mark drawn on top
+    clearance: float = 9.0  # distance between a label and the middle of its mark
     label_steps: tuple[float, ...] = (1.0, 2.0, 3.5)  # farther distances of labels, in heights of a label
-    outside: float = 1000.0  # penalty for leaving the frame, in covered marks: more than there ever are
-    label_gap: float = 4.0  # between labels and other marks
-    frame_gap: float = 3.0  # labels nearer to the frame count as outside
-    title_gap: float = 14.0  # between labels above the frame and the vertical axis label
-    label_grid: int = 12  # places each way for labels if all nearer places are taken
-    leader: float = 16.0  # labels farther than this from their mark have a line to it
+    outside: float = 1000.0  # penalty for leaving the frame, as a number of covered marks
+    label_gap: float = 4.0  # distance between labels and other marks
+    frame_gap: float = 3.0  # distance to the frame below which a label counts as outside
+    title_gap: float = 14.0  # distance between labels above the frame and the vertical axis label
+    label_grid: int = 12  # number of places per direction, tried if all nearer ones are taken
+    leader: float = 16.0  # distance from its mark above which a label has a line to it
     overlap: float = 2.0  # length of this line within the label's plate
-    line_points: int = 40  # points of a line that labels avoid
+    line_points: int = 40  # number of points on a line that labels avoid
     line: float = 2.4  # width of curves
     dash: float = 7.0  # length of the dashes of limits
-    many_dots: int = 40  # largest number of dots of a curve that are drawn large
+    many_dots: int = 40  # largest number of dots of a curve for which they are drawn large
     solid_arm: float = 2.3  # width of the chosen arm, drawn on top of ``arms``
     arms: tuple[float, ...] = (4.1, 3.5, 2.9)  # widths of the arms of best points, so that coinciding ones stay visible
-    spatial_arms: tuple[float, float] = (3.2, 1.6)  # in space, where wide lines hide thin ones
+    spatial_arms: tuple[float, float] = (3.2, 1.6)  # widths of the chosen and of other arms in space
     start: float = 3.0  # radius of a start of a plan
     edge_dash: float = 9.0  # length of the dash of a start beyond the axes
     target_ring: float = 11.0  # radius of the ring that marks the tool's target
@@ -101,15 +101,15 @@ class MarkSizes:
 
 @dataclass(frozen=True, kw_only=True)
 class SceneOptions:
-    """Lengths in scenes of arms; most are shares, because scenes have any size."""
+    """Sizes in scenes of arms, most of them as shares of the size of the scene."""
 
     arrow: float = 0.25  # length of the arrow of a direction, relative to the arm's extent
     cross: float = 0.03  # half size of the mark of a tool's target, relative to the arm's extent
     bead_gap: float = 0.04  # distance of the beads of a path, relative to the scene's extent
-    shortest: float = 1e-6  # links below this share of the longest join joints in one place and are not drawn
-    covered: float = 0.6  # the ground sign turns if its cosine with a link is larger: the link would cover it
-    grid: int = 7  # lines of the ground per side, about
-    ground_ticks: int = 4  # largest number of ticks with words on each; with more, only on every second
+    shortest: float = 1e-6  # length up to which links are not drawn, as a share of the longest link
+    covered: float = 0.6  # largest cosine between ground sign and link; above, the link would cover it, so it turns
+    grid: int = 7  # approximate number of lines of the ground per side
+    ground_ticks: int = 4  # largest number of ticks that all have words; with more, every second one has
     eye: tuple[float, float, float] = (0.47, -0.8, 0.44)  # direction from the scene to the eye
     label_margin: tuple[float, float] = (38.0, 26.0)  # margins for labels on each side, across and upwards [pixels]
     field_of_view: float = 55.0  # vertical field of view [degrees], measured in a picture of the viewer
@@ -132,11 +132,11 @@ class PicturePalette:
     quiet: str = "#7b8794"
     grid: str = "#e4e7eb"
     accents: tuple[str, ...] = ("#d9480f", "#0b7285", "#5f3dc4", "#2b8a3e")  # used one after another
-    postures: int = 8  # drawn postures of a motion
-    motions: int = 3  # drawn motions of a plan, side by side
+    postures: int = 8  # number of drawn postures of a motion
+    motions: int = 3  # number of drawn motions of a plan
 
     def accent(self, number: int) -> str:
-        """Return the accent of a number; after the last, they start again."""
+        """Return an accent colour by its number; the colours repeat."""
         return self.accents[number % len(self.accents)]
 
     @property
@@ -164,7 +164,7 @@ class PicturePalette:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingPalette:
-    """Colours of recordings (RGBA); ``joints``: used one after another; ``ghosts``: visible postures."""
+    """Colours of recordings (RGBA), and ``ghosts``, the number of postures drawn behind an arm."""
 
     background: tuple[int, int, int] = (16, 18, 22)
     grid: Colour = (46, 50, 58, 255)
@@ -205,11 +205,11 @@ class RecordingPalette:
     ghosts: int = 9
 
     def end(self, axis: int) -> Colour:
-        """Return the colour of the best point of an objective; after the last, they start again."""
+        """Return the colour of an objective's best point; the colours repeat."""
         return self.ends[axis % len(self.ends)]
 
     def joint(self, number: int) -> Colour:
-        """Return the colour of a joint's curve; after the last, they start again."""
+        """Return the colour of a joint's curve; the colours repeat."""
         return self.joints[number % len(self.joints)]
 
 

@@ -3,8 +3,8 @@
 It reads messages from stdin and answers on stdout, one line of JSON per message. If its parent ends for any reason,
 it completes the file with the data that it has, and ends too.
 
-There is one drawing of a run: all kept messages and the end, on common axes. It is repeated during the run
-if that takes a small share of the time, and a last time at the end; each drawing replaces the file.
+A drawing shows all kept messages and the end, on common axes. The run is drawn again and again while it lasts, if that
+takes a small share of the time, and once at its end; each drawing replaces the file.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ from paretoik.review.recording.recorder import (
 )
 from paretoik.runs.file_replacement import replace_file
 
-# The file of a recording: when it is drawn, and what is kept of a run that may be long.
+# The file of a recording: when it is drawn, and which messages of a long run are kept.
 
 
-DRAWINGS: dict[type, Any] = {  # by their scene; they have a scene, messages, an end and a note
+DRAWINGS: dict[type, Any] = {  # by type of scene; their fields are scene, messages, end and note
     SearchedFront: SearchDrawing,
     PlannedScene: PlanDrawing,
     ResolvedScene: ResolutionDrawing,
@@ -59,10 +59,10 @@ DRAWINGS: dict[type, Any] = {  # by their scene; they have a scene, messages, an
 
 
 class RecordingFile:
-    """The file of a recording in progress; errors of Rerun and of the disk are raised.
+    """The file of a recording in progress; its methods raise the errors of Rerun and of the disk.
 
-    Every ``stride``-th message of a series is kept, including the first and the last; ``dropped``: number of the
-    others.
+    stride: of a series, every ``stride``-th message is kept, including the first and the last
+    dropped: number of messages that were not kept
     """
 
     def __init__(self, opening: Opening, tell: Callable[..., None]) -> None:
@@ -82,7 +82,7 @@ class RecordingFile:
             self._file.unlink(missing_ok=True)
         self._file.open("x").close()  # it must not exist: another run may have begun there
         self._stamp = _stamp(self._file)
-        self._is_drawn, self._next = True, 0.0  # all messages so far, time of the next drawing
+        self._is_drawn, self._next = True, 0.0  # whether all messages are drawn; time of the next drawing
 
     def record(self, message: Any) -> None:
         """Keep a message, reduced to the parts that are drawn."""
@@ -91,7 +91,7 @@ class RecordingFile:
         self._is_drawn = False
 
     def look_after(self) -> None:
-        """Draw the run so far if it is time."""
+        """Draw the run so far if a drawing is due."""
         if not self._is_drawn and time.monotonic() > self._next:
             started = time.monotonic()
             self._draw(None)
@@ -100,7 +100,7 @@ class RecordingFile:
             self._live.look_after()
 
     def complete(self, end: Any, dropped: int = 0) -> None:
-        """Draw everything with its ``end``, and close the file; ``dropped`` messages were not sent."""
+        """Draw everything with its ``end``, and close the file; ``dropped``: number of messages not sent."""
         self.dropped += dropped
         self._draw(end)
         self.close()
@@ -112,7 +112,7 @@ class RecordingFile:
             live.close()
 
     def _draw(self, end: Any) -> None:
-        """Replace the file by a drawing; drop messages while it is too large, also for the disk."""
+        """Replace the file by a drawing; drop messages while it is too large for its limit or the disk."""
         content, room = self._content(end), min(self._options.size, shutil.disk_usage(self._file.parent).free)
         while len(content) > room and len({each.number for each in self._series()}) > 2:
             self.stride *= 2
@@ -121,7 +121,7 @@ class RecordingFile:
 
         def check(_: Path) -> None:
             if _stamp(self._file) != self._stamp and not self._run_lives():
-                raise FileExistsError(errno.EEXIST, "another run writes it")
+                raise FileExistsError(errno.EEXIST, "another run is writing it")
 
         replace_file(self._file, bytes(content), check=check)
         self._stamp, self._is_drawn = _stamp(self._file), True
@@ -129,7 +129,7 @@ class RecordingFile:
             self._live.show(self._file)
 
     def _run_lives(self) -> bool:
-        """Return whether the run lives; if not, a run that resumes it may write the same file already."""
+        """Return whether the run lives; after its death a resumed run may write the same file."""
         return os.getppid() == self._opening.run
 
     def _content(self, end: Any) -> bytearray:
@@ -153,7 +153,7 @@ class RecordingFile:
         return content
 
     def _keep(self) -> int:
-        """Drop all of the series except every ``stride``-th message and the last; return how many were dropped."""
+        """Keep only every ``stride``-th message of the series and the last; return how many were dropped."""
         series, count = self._series(), len(self._messages)
         self._messages = [
             each
@@ -176,7 +176,7 @@ def _stamp(file: Path) -> tuple[int, int]:
 
 # A view of a running run: a server for this machine only, and a viewer if there is a screen.
 #
-# The server is the recording's own, so a viewer may come late, hang or be killed: the recording never waits for it.
+# The recording has its own server and never waits for a viewer, which may come late, hang or be killed.
 
 
 LOOPBACK = "127.0.0.1"
@@ -195,7 +195,7 @@ LIVE = LiveOptions()
 
 
 class LiveView:
-    """Serves a recording to viewers on this machine, and opens one; ``tell`` gets a line on how to open another."""
+    """Serves a recording to viewers on this machine and opens one; ``tell`` gets a line on how to open it."""
 
     def __init__(self, application: str, tell: Callable[..., None]) -> None:
         self._tell, self._views = tell, 0
@@ -216,7 +216,7 @@ class LiveView:
             self._tell(notice=f"live, without a screen: {self._advice}")
 
     def show(self, file: Path) -> None:
-        """Show the present content of a recording; its layout only if that has other views than before."""
+        """Show the present content of a recording, and its layout if its views changed."""
         reader = rr.chunk.RrdReader(file)
         (recording,), (layout,) = reader.recordings(), reader.blueprints()
         self._stream.send_chunks(reader.stream(store=recording))
@@ -250,10 +250,10 @@ def main() -> None:
     with suppress(OSError):
         os.nice(OPTIONS.niceness)
     source, answers = os.dup(0), os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # other prints are not answers
+    os.dup2(2, 1)  # other prints must not be read as answers
 
     def tell(**answer: Any) -> None:
-        """Send an answer to the parent process, if it still listens."""
+        """Send an answer to the parent process, if it still reads."""
         with suppress(OSError, ValueError):
             print(json.dumps(answer), file=answers, flush=True)
 
@@ -294,7 +294,7 @@ def messages(source: int, parent: int) -> Iterator[tuple[str, Any, int] | None]:
             continue
         if not select.select([source], [], [], OPTIONS.tick)[0]:
             yield None
-            if os.getppid() != parent:  # if a fork of the parent still has its end of the pipe
+            if os.getppid() != parent:  # the parent is gone, but a fork of it holds the pipe open
                 return
             continue
         piece = os.read(source, 1 << 20)

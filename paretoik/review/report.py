@@ -83,7 +83,7 @@ class ReportMotions:
     def block(self, row: int) -> str:
         """Return the channels of a point as text.
 
-        Differences between samples, 16 bits each, all low bytes first, packed by gzip and base64.
+        It encodes the differences between samples (16 bits each, all low bytes first) by gzip and base64.
         """
         low, step = self._ranges
         whole = np.round((self.channels[row] - low[:, None]) / step[:, None]).astype(np.uint16)
@@ -92,7 +92,7 @@ class ReportMotions:
         return base64.b64encode(gzip.compress(planes.tobytes(), 9, mtime=0)).decode()
 
     def blocks(self, rows: Sequence[int], room: int) -> dict[int, str]:
-        """Return the blocks of the first ``rows`` that fit into ``room`` bytes, by the id of the point, in order."""
+        """Return blocks by point id: those of the first ``rows``, as many as fit into ``room`` bytes."""
         blocks: dict[int, str] = {}
         for row in rows:
             number, block = int(self.front.ids[row]), self.block(row)
@@ -162,7 +162,7 @@ SCRIPTS = ("page.js", "front.js", "curves.js", "arm.js", "start.js")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReportPage:
-    """The page for some points of a front: ``rows``, in the order in which their motions get space."""
+    """The page for the points ``rows`` of a front, whose motions get space in this order."""
 
     report: Report
     rows: Int[np.ndarray, " points"]
@@ -188,7 +188,7 @@ class ReportPage:
         """The data of the script, except the motions."""
         front, certificates, whole = self.front, self.front.certificates, self.report.front
         steps = self.report.steps
-        branches: list[list[int]] | None = None  # the ids of each branch of optima in order; None if unknown
+        branches: list[list[int]] | None = None  # ids of each branch of optima, in order; None if unknown
         if (jumps := whole.jumps) is not None:
             branches, on_page = [whole.ids[:1].tolist()], set(front.ids.tolist())
             for pair in pairwise(whole.ids.tolist()):
@@ -219,7 +219,7 @@ class ReportPage:
         """Return the page with as many motions as fit into ``room`` bytes."""
         from jinja2 import Environment, StrictUndefined
 
-        order = np.searchsorted(np.sort(self.rows), self.rows)  # in the page's front
+        order = np.searchsorted(np.sort(self.rows), self.rows)  # rows in the page's front
         blocks = {} if self._motions is None else self._motions.blocks(order.tolist(), room)
         front, whole, certificates = self.front, self.report.front, self.front.certificates
         (bundle, packed), rows = plotly_bundle(), list[dict[str, Any]]()
@@ -271,18 +271,18 @@ class ReportPage:
     @cached_property
     def _checks(self) -> dict[str, tuple[str, Values]]:
         """Return the meaning and values of every check, by column head."""
-        violated = "worst of all limits at the samples, as a share of its range"
+        violated = "largest violation of a limit at the samples, as a share of its range"
         front, certificates = self.front, self.front.certificates
         if certificates is None:
             return {} if front.violation is None else {"violation": (violated, front.violation)}
-        between = "worst of all limits between the samples, as a share of its range"
-        critical = "improvement that all objectives can still gain at once, as shares of their ranges"
+        between = "largest violation of a limit between the samples, as a share of its range"
+        critical = "improvement still possible in all objectives at once, as shares of their ranges"
         return {
             "violation": (violated, certificates.violation),
             "between samples": (between, certificates.violation_between),
             "criticality": (critical, certificates.criticality),
         } | {
-            f"error of {name}": (f"how far {name} is off its value on the motion's curve", errors)
+            f"error of {name}": (f"difference between {name} and its value on the motion's curve", errors)
             for name, errors in zip(front.names, certificates.discretisation_error.T, strict=True)
             if np.isfinite(errors).any()
         }
@@ -304,9 +304,9 @@ def _page_file(name: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class ReportOptions:
-    """Largest size of a page [bytes], and largest numbers of points that it lists and draws.
+    """Largest size of a page [bytes], and largest number of its points.
 
-    There are fewer points if they do not fit; at least one point and the script are on every page.
+    If the points do not fit, there are fewer, at least one.
     """
 
     size: int = 5_000_000
@@ -345,7 +345,7 @@ class Report:
     def page(self) -> str:
         """Return the page; the same report makes the same page."""
         count, first = min(self.options.points, len(self.front)), list(self.marks) or [0]
-        while True:  # the marked points, then always the point farthest from all earlier ones (MaxiMin)
+        while True:  # the marked points, then one by one the point farthest from all earlier ones (MaxiMin)
             distances = np.full(len(self.front), np.inf)
             rows = greedy_order(self.front.shares, count, distances, first[:count])[0]
             page = ReportPage(report=self, rows=rows)
@@ -364,7 +364,7 @@ class Report:
         rows = {number: row for row, number in enumerate(front.ids.tolist())}
         chosen = self.choices.chosen
         others = [entry for entry in reversed(self.choices.entries) if entry is not chosen]
-        for entry, words in ((chosen, "chosen"), *((each, "chosen once") for each in others)):
+        for entry, words in ((chosen, "chosen"), *((each, "chosen before") for each in others)):
             if entry is not None and entry.point in rows:
                 marks.setdefault(rows[entry.point], []).append(words)
         if len(front) > 1:

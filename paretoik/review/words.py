@@ -16,7 +16,8 @@ from paretoik.task.motion import Motion
 def describe_limits_between(front: Front, rows: Sequence[int] | None = None) -> str:
     """Return text on the worst violation of a limit between samples, with a remedy.
 
-    "" if no motion violates a limit, or the problem cannot tell. ``rows``: points to look at, by default all.
+    The text is "" if no motion violates a limit, or if that is unknown.
+    rows: points to check, by default all
     """
     motions, task = front.motions, task_of(front.problem)
     if task is None or not isinstance(motions, Motion) or is_loop(front):
@@ -30,7 +31,7 @@ COUNTS = {  # counts of a run, in singular and plural
     "generations": ("generation", "generations"),
     "evaluations": ("evaluation", "evaluations"),
     "steps": ("step", "steps"),
-    "levels": ("bound ε", "bounds ε"),  # a recording has a level for every new point, too
+    "levels": ("bound ε", "bounds ε"),  # not "levels": recordings also have one for each new point
     "starts": ("start", "starts"),
     "optima": ("optimum", "optima"),
 }
@@ -42,7 +43,7 @@ ENDINGS = {  # meanings of statuses; others are shown unchanged
     "maxima": "all directions were searched",
     "path": "the path is complete",
     "generations": "all generations were run",
-    "evaluations": "all evaluations that were allowed are spent",
+    "evaluations": "the evaluation limit was reached",
     "time limit": "the time limit was reached",
     "stagnation": "the hypervolume almost stopped growing",
     "target": "a point reached the target",
@@ -66,12 +67,12 @@ def run_text(provenance: Mapping[str, Any]) -> str:
     lines += [f"- computed by {words}"] if (words := computed_text(provenance.get("computed"))) else []
     lines += [f"- ended: {ENDINGS.get(str(status), status)}"] if status else []
     settings = {name: value for name, value in (provenance.get("settings") or {}).items() if value is not None}
-    if settings.get("refine") is False:  # then nothing was solved
+    if settings.get("refine") is False:  # then no solver was used
         settings.pop("solver", None)
-    searched = "population" in settings  # the most points of an archive, but the desired points of a sweep
+    searched = "population" in settings  # points: the upper limit of an archive, but the goal of a sweep
     words_of = {
         "points": "points of the front, at most" if searched else "points of the front",
-        "starts": "starts for every redundant degree" if "optima" in counts else "starts",
+        "starts": "starts per redundant degree" if "optima" in counts else "starts",
         "warm_start": "warm start",
     }
     for name in (name for name in SETTINGS if name in settings):
@@ -97,7 +98,7 @@ def named_unit(name: str, unit: str) -> str:
 
 
 def value_text(value: float, unit: str, *, digits: int = 4, sign: str = "-") -> str:
-    """Return a value with ``digits`` digits and its unit, if any; with ``sign`` "+", gains have a sign too.
+    """Return a value with its unit, in ``digits`` digits; if ``sign`` is "+", positive values have a sign too.
 
     >>> value_text(2.0, "J s", sign="+"), value_text(-0.5, "")
     ('+2 J s', '-0.5')

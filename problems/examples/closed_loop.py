@@ -18,7 +18,7 @@ run = loop.run()
 print(f"{len(run.q) - 1} steps: mean error {run.position_error * 1e6:.1f} µm, drift {run.drift:.4f} rad")
 
 # %% [markdown]
-# `solve` follows the same loop into a front of one motion. It keeps the steps in `record_steps`, generation by
+# `solve` runs the same loop and returns a front of one motion. It keeps the steps in `record_steps`, generation by
 # generation, with the arm of every individual: `paretoik show runs/closed_loop` replays them.
 
 # %%
@@ -27,7 +27,7 @@ for name, unit, value in zip(front.names, front.units, front.objectives[0], stri
     print(f"{name}: {value:.3g} {unit} in the mean over the steps")
 
 # %% [markdown]
-# Other weights give another loop: `select` follows it from the start, since every step would differ. It is not the loop
+# Other weights give another loop: `select` runs it from the start, because every step differs. It is not the loop
 # in the run folder, so the choice is not kept there.
 
 # %%

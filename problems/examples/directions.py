@@ -19,7 +19,7 @@ print(f"sliders are faster along {faster.sum()} of {len(faster)}")
 
 # %% [markdown]
 # Each of these maxima has a posture of its own. Fast along several directions from *one* posture is a trade-off, and
-# power is a third side of it.
+# power is a third objective.
 
 # %%
 ahead, upwards = [1.0, 0.0], [0.0, 1.0]

@@ -2,8 +2,8 @@
 # # A first front, and how to read it
 #
 # A planar arm with three joints follows a straight line: two equations, so one degree of redundancy is left. Moving
-# with little kinetic energy needs another motion than moving with little torque. No other motion is better in
-# both than one on the front.
+# with little kinetic energy needs another motion than moving with little torque. No motion is better in both than a
+# motion on the front.
 
 # %%
 import numpy as np

@@ -23,7 +23,7 @@ broken.write_text(URDF.read_text().replace('<mass value="', '<mass value="-').re
 print(f"{len(pk.check_robot(broken).faults)} faults in {broken}, the first: {pk.check_robot(broken).faults[0]}")
 
 # %% [markdown]
-# An arm is data and never changes: every method returns another arm. Here the hand is left away. The flange gets a
+# An arm is data and never changes: every method returns another arm. Here the hand is left out. The flange gets a
 # screwdriver, whose tip is the new tool, and a screw as payload. The arm hangs from a ceiling 1.2 m up; gravity stays
 # that of the world.
 

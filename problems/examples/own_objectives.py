@@ -2,8 +2,8 @@
 # # One's own objectives and constraints
 #
 # An objective is a NumPy function of a `Motion`, whose arrays begin with the batch axes: (..., time, dof). `form` says
-# what it returns: "integral" and "peak" one value per sample (..., time), which the library integrates or takes the
-# worst of; "terminal" and "general" one value per motion (...). Derivatives are taken from the same function.
+# what it returns: "integral" and "peak" one value per sample (..., time), whose integral or worst value counts;
+# "terminal" and "general" one value per motion (...). Derivatives are taken from the same function.
 
 # %%
 import numpy as np

@@ -42,7 +42,8 @@ at_limit = motion.traces.active != ""
 print(f"constrained: fastest joint {rates.max():.4f} of 1.6 rad/s, at a limit in {at_limit.any(axis=1).sum()} steps")
 
 # %% [markdown]
-# A step cannot look ahead. If no step satisfies the limits, it says which, and when; the whole motion goes around.
+# A step cannot look ahead. If no step satisfies the limits, the error says which and when. A planned motion goes
+# around the obstacle.
 
 # %%
 post = pk.obstacles.Circle([0.2, 0.2], 0.04)

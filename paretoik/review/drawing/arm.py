@@ -40,7 +40,7 @@ def hatch(corners: Polyline, *, gap: float) -> list[Float[np.ndarray, "2 2"]]:
 
 
 def bodies(obstacles: Sequence[Obstacle], low: Vector3, high: Vector3) -> list[Any]:
-    """Return obstacles in space as archetypes; unbounded ones reach beyond ``low`` and ``high``."""
+    """Return obstacles in space as Rerun archetypes; unbounded ones reach beyond ``low`` and ``high``."""
     style: dict[str, Any] = {"colors": SCREEN.obstacle_body, "fill_mode": rr.components.FillMode.Solid}
     length, drawn = 1.2 * float(np.linalg.norm(high - low)), list[Any]()
     for each in obstacles:
@@ -91,7 +91,7 @@ Links = Float[np.ndarray, "rows nodes 3"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmDrawing:
-    """The view at ``entity`` of a workcell; it shows all ``nodes`` (nodes, 3) [m] of arms."""
+    """The view of a workcell at ``entity``; its axes contain all ``nodes`` (nodes, 3) [m] of arms."""
 
     entity: str
     workcell: Workcell
@@ -119,7 +119,7 @@ class ArmDrawing:
         recording.log(f"{entity}/base", self.base_mark(), static=True)
         if cell.paths and self.planar:  # wide, below other lines
             recording.log(f"{entity}/target", stage.strips(cell.paths, SCREEN.target, 4.0, 0.0), static=True)
-        elif cell.paths:  # beads: in space two lines in one place would flicker, whatever their widths
+        elif cell.paths:  # beads: in space, coinciding lines would flicker
             gap = SCENES.bead_gap * float(np.ptp(self._extent, axis=0).max())
             places = np.concatenate([beads(path, gap=gap) for path in cell.paths])
             recording.log(f"{entity}/target", stage.points(places, SCREEN.target, 2.6, 0.0), static=True)
@@ -153,8 +153,9 @@ class ArmDrawing:
     ) -> None:
         """Draw an arm in each posture of ``links``; one row of ``columns`` per posture.
 
-        The chosen arm has no ``axis``. It also has the width of its links and is drawn above the arms that have an
-        axis; among these, a later one is drawn above an earlier one.
+        axis: objective whose best arm it is; None for the chosen arm, which also shows the width of its links
+
+        The chosen arm is drawn above all others, the arm of a later objective above that of an earlier one.
         """
         for part, kind, fields, count in self._parts(recording, layer, links, axis):
             values = kind.columns(**fields).partition([count] * len(links))
@@ -225,11 +226,11 @@ class ArmDrawing:
                 quaternions=[rr.Quaternion(xyzw=np.roll(base.quaternion, -1))],
                 fill_mode="solid",
             )
-        # the sign points down, unless first links would cover it; then it takes the freest of all quarter turns
+        # the sign points down, unless first links would cover it: then the quarter turn that is covered least
         first = self.nodes[1:][np.linalg.norm(self.nodes[:-1] - base.position, axis=1) < 1e-9] - base.position
         links = (first[:, :2] / np.maximum(np.linalg.norm(first[:, :2], axis=1), 1e-12)[:, None]) * (1.0, -1.0)
         turns = [np.linalg.matrix_power(np.array([[0.0, 1.0], [-1.0, 0.0]]), number) for number in (0, 1, 3, 2)]
-        nearest = [float((links @ turn[1]).max(initial=-1.0)) for turn in turns]  # the cosine to its direction
+        nearest = [float((links @ turn[1]).max(initial=-1.0)) for turn in turns]  # cosine between sign and nearest link
         turn = turns[0] if nearest[0] < SCENES.covered else turns[int(np.argmin(nearest))]
         foot = [[(0, 0), (-9, 14), (9, 14), (0, 0)], [(-15, 14), (15, 14)]]
         ground = [[(d, 14), (d - 5, 20)] for d in (-8, 0, 8, 15)]

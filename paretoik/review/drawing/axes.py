@@ -19,7 +19,7 @@ from jaxtyping import Float
 from paretoik.arrays import Mask, Values
 from paretoik.review.palette import SCREEN, Colour
 
-# Text that the viewer can show: it stops at a character that its only font (Inter) does not have.
+# Text that the viewer can show: it fails at a character that its only font (Inter) does not have.
 
 
 SYMBOLS = frozenset("•…–—“”‰€−×·≤≥≈≠→←↑↓∂∞√∫∑●■▲○◆″°⁰ⁱ\n")
@@ -62,16 +62,15 @@ def entity_names(names: Sequence[str]) -> list[str]:
 class TextSize:
     """Sizes of labels and margins around a canvas [pixels], as the viewer draws them.
 
-    ``rise`` and ``gap`` keep words apart in a smaller window too, which draws the frame a tenth smaller but words at
-    the same size.
+    ``rise`` and ``gap`` keep words apart in smaller windows too, which draw the frame smaller, but not the words.
     """
 
     line: float = 20.0
     character: float = 6.5
-    padding: float = 8.0  # of the box behind a label, left plus right
-    drop: float = 12.0  # from a label's point down to its middle
-    gap: float = 8.0  # between numbers and the frame
-    rise: float = 21.0  # of the middle of the vertical axis label above the frame
+    padding: float = 8.0  # width of the box behind a label, left plus right of the words
+    drop: float = 12.0  # distance from a label's point down to its middle
+    gap: float = 8.0  # distance between numbers and the frame
+    rise: float = 21.0  # distance of the vertical axis label's middle above the frame
     row: float = 30.0  # height of a row of a legend
     left: float = 74.0
     right: float = 22.0
@@ -94,10 +93,10 @@ class Canvas:
     width: float = 500.0
     height: float = 390.0
     origin: Values = field(default_factory=lambda: np.zeros(2))
-    ticked: tuple[bool, bool] = (True, True)  # which axes have ticks and a label; a neighbour has the others
-    label_drop: float = 0.0  # how far the lower label is moved down, away from a neighbour
+    ticked: tuple[bool, bool] = (True, True)  # whether each axis has ticks and a label, or a neighbour has them
+    label_drop: float = 0.0  # distance that the lower label is moved down, away from a neighbour
     right_edge: float = np.inf  # right edge of the view: no label reaches beyond it
-    overhang: float = np.inf  # how far a number of a lower tick may reach beyond the frame
+    overhang: float = np.inf  # largest distance that numbers of lower ticks reach beyond the frame
     side_room: float = 0.0  # free space to the right of the frame [pixels]
 
     def place(self, points: np.ndarray) -> np.ndarray:
@@ -155,7 +154,7 @@ class Canvas:
         if self.ticked[1]:
             for word, place in zip(tick_words(along), beside, strict=True):
                 middle = place - (0.5 * text_width(word) + TEXT.gap, 0.0)
-                is_covered = any(  # in the corner, by the first horizontal tick
+                is_covered = any(  # in the corner: by the first horizontal tick
                     abs(middle[0] - other[0]) < 0.5 * (text_width(word) + text_width(said)) + TEXT.padding
                     and abs(middle[1] - other[1]) < 0.8 * TEXT.line
                     for said, other in zip(words, places, strict=True)
@@ -168,18 +167,18 @@ class Canvas:
 def labels(
     words: Sequence[str], middles: Float[np.ndarray, "labels 2"], colours: Colour | Sequence[Colour] = SCREEN.text
 ) -> rr.Points2D:
-    """Return words that are drawn around ``middles``."""
+    """Return words drawn around ``middles``."""
     drawn = [screen_text(each) for each in words]
     return flat_dots(middles - (0.0, TEXT.drop), colours, 0.0, -5.0, labels=drawn, show_labels=True)
 
 
 def flat_lines(strips: Sequence[np.ndarray], colour: Any, radius: float, order: float, **more: Any) -> rr.LineStrips2D:
-    """Return lines of a ``radius`` [pixels], above everything of a lower ``order``."""
+    """Return lines of a ``radius`` [pixels], drawn above everything of a lower ``order``."""
     return rr.LineStrips2D(strips, colors=colour, radii=rr.Radius.ui_points(radius), draw_order=order, **more)
 
 
 def flat_dots(places: np.ndarray, colour: Any, radius: Any, order: float, **more: Any) -> rr.Points2D:
-    """Return dots of a ``radius`` [pixels], or of one each, above everything of a lower ``order``."""
+    """Return dots of one or several radii [pixels], drawn above everything of a lower ``order``."""
     return rr.Points2D(places, colors=colour, radii=rr.Radius.ui_points(radius), draw_order=order, **more)
 
 
@@ -189,7 +188,7 @@ def flat_view(entity: str, name: str, bounds: rrb.VisualBounds2D) -> rrb.View:
 
 
 def text_width(words: str) -> float:
-    """Return how wide words are [pixels]."""
+    """Return the width of words [pixels]."""
     return TEXT.character * len(words)
 
 
@@ -199,7 +198,7 @@ def tick_text(tick: float) -> str:
 
 
 def tick_words(ticks: Ticks) -> list[str]:
-    """Return the words of ticks; offsets from the first if they look equal.
+    """Return the words of ticks; if some look equal, offsets from the first tick.
 
     >>> tick_words(np.array([7698.38, 7698.3801]))
     ['7698.38', '+0.0001']
@@ -221,7 +220,7 @@ def axis_ranges(low: Values, high: Values) -> Values:
     """Return the ranges of axes from `low` to `high`, without zeros.
 
     The range of a constant value is a tenth of it, or 1 if it is 0.
-    Values with subnormal differences count as zeros: nothing can be placed between them.
+    A subnormal range counts as 0: there are no values to place between its ends.
 
     >>> axis_ranges(np.array([2.0, 5.0, 0.0, 2e-200]), np.array([3.0, 5.0, 0.0, 3e-200])).tolist()
     [1.0, 0.5, 1.0, 1e-200]

@@ -67,7 +67,7 @@ class PathDrawing:
             ("reference", SCREEN.target, end.reference is not None),
         )
         view = stage.view(self.scene.title)
-        if not stage.planar:  # no ground: the eye looks at the path only
+        if not stage.planar:  # without ground: the eye looks at the path only
             eye = fitting_eye(stage.seen)
             view = rrb.Spatial3DView(origin=PATH, name=view.name, background=SCREEN.background, eye_controls=eye)
         Layout(
@@ -93,24 +93,24 @@ def maximum_text(scene: MaximaScene, end: MaximaEnd, number: int) -> str:
     value, direction = polygon.values[row], polygon.directions[row]
     lines = [
         f"# Direction {number} of {len(polygon)}",
-        f"- along ({', '.join(f'{_without_dust(each, direction):.3g}' for each in direction)})",
+        f"- along ({', '.join(f'{_without_rounding(each, direction):.3g}' for each in direction)})",
     ]
     if len(direction) == 2:
         lines[-1] += f", {np.degrees(np.arctan2(direction[1], direction[0])) % 360:.4g}° from x"
     if not np.isfinite(value):
-        return screen_text("\n".join([*lines, "- no posture was found that reaches it and can be held"]))
+        return screen_text("\n".join([*lines, "- no posture was found that reaches the position and can be held"]))
     best, worst = int(np.nanargmax(polygon.values)), int(np.nanargmin(polygon.values))
-    words = f"- highest {scene.word} {value:.4g} {scene.unit}; of all directions {polygon.values[worst]:.4g} "
+    words = f"- highest {scene.word} {value:.4g} {scene.unit}; over all directions {polygon.values[worst]:.4g} "
     words += f"(direction {worst + 1}) to {polygon.values[best]:.4g} (direction {best + 1})"
     lines += [words, "", "## Joints", ""]
     for joint, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_types, strict=True)):
         slides = kind == "prismatic"
         position, speed, effort = (JOINT_UNITS[each][slides] for each in ("position", "velocity", "torque"))
-        torque = _without_dust(polygon.torque[row, joint], polygon.torque)
+        torque = _without_rounding(polygon.torque[row, joint], polygon.torque)
         words = f"- **{name}**: {polygon.q[row, joint]:.4g} {position}, {'force' if slides else 'torque'} "
         words += f"{torque:.3g} {effort}"
         if is_speed:
-            words += f", {_without_dust(polygon.dq[row, joint], polygon.dq):.4g} {speed}"
+            words += f", {_without_rounding(polygon.dq[row, joint], polygon.dq):.4g} {speed}"
         low, high = end.lower[row, joint], end.upper[row, joint]
         lines.append(f"{words}; motors allow {low:.3g} to {high:.3g} {speed if is_speed else effort}")
     if polygon.sliders is not None:
@@ -122,8 +122,8 @@ def maximum_text(scene: MaximaScene, end: MaximaEnd, number: int) -> str:
     return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
 
 
-def _without_dust(value: float, all_values: np.ndarray) -> float:
-    """Return a value, or 0 if it is only rounding compared with the largest of all."""
+def _without_rounding(value: float, all_values: np.ndarray) -> float:
+    """Return a value, or 0 if it is a rounding error relative to the largest of all values."""
     return 0.0 if abs(value) <= DRAWING.rounding * float(np.nanmax(np.abs(all_values))) else float(value)
 
 
@@ -173,9 +173,9 @@ class MaximaDrawing:
             ("this direction", SCREEN.chosen, True),
             ("all directions", SCREEN.final, True),
             ("arm in the posture of this direction", SCREEN.arm, True),
-            ("postures of those before", SCREEN.ghost, True),
+            ("postures of earlier directions", SCREEN.ghost, True),
             ("position of the tool", SCREEN.target, True),
-            ("what motors allow: dashed", SCREEN.text, True),
+            ("limits of the motors: dashed", SCREEN.text, True),
             ("limits: dashed", SCREEN.text, "position" in cell.bounds),
             ("obstacle", SCREEN.obstacle, cell.obstacles),
         )
@@ -193,7 +193,7 @@ class MaximaDrawing:
         ).log(stream)
 
     def _log_maxima(self, stream: rr.RecordingStream, count: int) -> None:
-        """Draw the first ``count`` maxima; the last one is chosen, and its name avoids rays and corners."""
+        """Draw the first ``count`` maxima, the last one as chosen; its name avoids rays and corners."""
         tips, stage, words = self._tips[:count], self._stage, f"direction {count}"
         is_reached = np.isfinite(tips).all(axis=1)
         stream.log(f"{MAXIMA}/rays", self._rays(count, SCREEN.front, 0.6))
@@ -216,7 +216,7 @@ class MaximaDrawing:
         stream.log(f"{MAXIMA}/chosen/name", *name)
 
     def _reached(self, count: int) -> np.ndarray:
-        """Return those of the first ``count`` maxima that were found, as vectors."""
+        """Return the first ``count`` maxima, without those that were not found, as vectors."""
         tips = self._tips[:count]
         return np.asarray(tips[np.isfinite(tips).all(axis=1)])
 
@@ -224,7 +224,7 @@ class MaximaDrawing:
         return self._stage.strips([np.stack([np.zeros(3), tip]) for tip in self._reached(count)], colour, radius, 0.8)
 
     def _outline(self, count: int, colour: Colour, radius: float, order: float) -> Any:
-        """Return the polygon through the first ``count`` maxima, closed if these are all maxima; no line in space."""
+        """Return the polygon through the first ``count`` maxima, closed if these are all; nothing in space."""
         tips = self._reached(count)
         if not self._stage.planar or len(tips) < 2:
             return self._stage.strips([], colour, radius, order)

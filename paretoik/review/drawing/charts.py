@@ -1,4 +1,4 @@
-"""Curves over a search or a motion, drawn by hand: a series view is empty while another timeline plays."""
+"""Curves over a search or a motion, drawn by hand: Rerun's series view is empty while another timeline plays."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from paretoik.review.palette import DRAWING, MARKS, SCREEN, VIEWS, Colour
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LimitLine:
-    """A limit over ``instants``: its ``values``, the name of the limited joint ("" for all joints), and its colours.
+    """A limit over ``instants``: its ``values``, colours, and the name of the limited joint ("" for all joints).
 
     If several joints share a limit, its dashes alternate between their ``colours``.
     """
@@ -47,10 +47,10 @@ class Chart:
     """Named curves at ``entity``, on axes that contain all of ``shown`` and the nearby limits.
 
     curves: values (curves, instants) that are drawn for all times; without them ``draw`` draws the curves
-    shown: all points (points, 2) that will ever be drawn, by default the curves; non-finite values are left out
-    usual: usual size of values; if all values are negligible compared with it and the limits, axes contain all limits,
-        or the usual values if all limits are 0
-    dots: whether instants have no order, so that no lines join them; a curve of one point is always a dot
+    shown: all points (points, 2) drawn at any time, by default the curves; non-finite values are left out
+    usual: typical size of values; if all values are negligible relative to it and to the limits, the axes contain all
+        limits, or values of this size if the limits are negligible too
+    dots: whether no lines join the points; a curve of one point is always a dot
     """
 
     entity: str
@@ -117,25 +117,25 @@ class Chart:
 
     def draw(self, recording: rr.RecordingStream, instants: Times, curves: Series, *, static: bool = False) -> None:
         """Draw curves (curves, instants) and their names, at the current time or for all times."""
-        low, high = self.canvas.low, self.canvas.high  # points outside the picture are drawn at its edge
+        low, high = self.canvas.low, self.canvas.high  # points outside the axes are drawn at their edge
         points = [np.stack([instants, curve], axis=-1) for curve in curves]
         finite = [each[np.isfinite(each).all(axis=-1)] for each in points]
         strips = [self.canvas.place(np.clip(each, low, high)) for each in finite]
         lines = [] if self.dots else [flat_lines(strips, list(self.colours), MARKS.line / 2, 1.0)]
-        dotted = [strip if self.dots or len(strip) == 1 else strip[:0] for strip in strips]  # no line shows these
+        dotted = [strip if self.dots or len(strip) == 1 else strip[:0] for strip in strips]  # curves without lines
         colours = [colour for colour, strip in zip(self.colours, dotted, strict=True) for _ in strip]
         radius = 2.2 if max(map(len, dotted)) > MARKS.many_dots else 3.2
-        order = 1.0 if self.dots else 3.0  # a single dot is visible on the cursor
+        order = 1.0 if self.dots else 3.0  # above the cursor, if a curve is a single dot
         dots = flat_dots(np.concatenate(dotted), colours, radius, order)
         recording.log(f"{self.entity}/curves", *lines, dots, static=static)
         if len(curves) > 1:
             from scipy.optimize import isotonic_regression  # here: it loads slowly
 
-            # The names are right of the ends of their curves, in as many columns as needed. They move as little as
-            # possible so that neighbours are apart: crowded names keep their common middle.
+            # The names are right of the ends of their curves, in as many columns as needed. Crowded names move apart
+            # around their common middle, as little as possible.
             ends = [strip[-1, 1] if len(strip) else 0.5 * self.canvas.height for strip in strips]
             highest, gap = -0.4 * TEXT.line, TEXT.line / self._name_columns
-            lowest = highest + self.canvas.height  # below are the words of ticks
+            lowest = highest + self.canvas.height  # the words of ticks are below it
             rank, steps = np.argsort(ends, kind="stable"), gap * np.arange(len(ends))
             offsets = isotonic_regression(np.array(ends, dtype=float)[rank] - steps).x
             moved = np.zeros(len(ends))
@@ -173,7 +173,7 @@ class Chart:
         points = shown[np.isfinite(shown).all(axis=-1)]
         low, high = window(points if len(points) else np.array([[0.0, 0.0], [1.0, 1.0]]))
         if len(points):
-            # nearby limits; if all values are 0 all limits, and the usual values if all limits are 0
+            # nearby limits; if values are negligible, all limits, or values of the usual size
             least, most = points[:, 1].min(), points[:, 1].max()
             limits = np.concatenate([np.zeros(0), *(limit.values for limit in self.limits)])
             size, limits = max(abs(least), abs(most)), limits[np.isfinite(limits)]
@@ -206,7 +206,7 @@ class Chart:
 
 
 def fit_below_tabs(charts: Sequence[Chart]) -> list[Chart]:
-    """Return charts, resized to be tabs below a view; nested tabs get less height."""
+    """Return charts resized as tabs below a view; nested tabs have less height."""
     nested = nested_tabs([screen_text(chart.title) for chart in charts], VIEWS.panels[0])
     lower = (VIEWS.chart[0], VIEWS.chart[1] - VIEWS.title)
     return [replace(chart, total=lower) if inner else chart for chart, inner in zip(charts, nested, strict=True)]

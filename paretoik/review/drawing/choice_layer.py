@@ -48,13 +48,13 @@ from paretoik.task.motion import Motion
 
 
 ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")  # entities of choices
-OF_RERUN = ("log_time", "log_tick")  # timelines that Rerun adds itself
+OF_RERUN = ("log_time", "log_tick")  # timelines of Rerun's own
 ORIGIN, VIEWPORT_ROOT = "ViewBlueprint:space_origin", "ViewportBlueprint:root_container"
 VIEWS_OF_LAYOUTS = ("/container/**", "/view/**")  # entities of layouts, without panels
 
 
 class RecordedTab(rrb.Container):
-    """The views of a recording's layout as drawn, with all names and sizes, below their ``root``."""
+    """The views of a recording's layout below their ``root``, with unchanged names and sizes."""
 
     def __init__(self, root: UUID, chunks: Iterable[rr.chunk.Chunk]) -> None:
         super().__init__(kind=rrb.components.ContainerKind.Vertical, name=None)
@@ -66,12 +66,12 @@ class RecordedTab(rrb.Container):
 
 
 class RecordedRun:
-    """The recording of a run without later choices; raises InvalidInput if it cannot be read."""
+    """The recording of a run, without its choices. Raises InvalidInput if it cannot be read."""
 
     def __init__(self, file: Path) -> None:
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("error", RerunWarning)  # of a recording that was cut off
+                warnings.simplefilter("error", RerunWarning)  # if a recording was cut off
                 self._reader = rr.chunk.RrdReader(file)
                 (self.store,) = self._reader.recordings()
                 origins = {each: self._values(each, ORIGIN) for each in self._reader.blueprints()}
@@ -85,7 +85,7 @@ class RecordedRun:
         return self._reader.stream(store=self.store).drop(content=[f"/{root}/**" for root in ROOTS])
 
     def layout(self) -> RecordedLayout | None:
-        """Return the layout, or None."""
+        """Return the layout, if there is one."""
         return None if self._layout is None else RecordedLayout(self._reader.stream(store=self._layout))
 
     def tab(self) -> RecordedTab | None:
@@ -97,7 +97,7 @@ class RecordedRun:
 
     @cached_property
     def begins(self) -> dict[str, Any]:
-        """The first instant of each timeline, a count or a time difference."""
+        """The first instant of each timeline, as a count or a time difference."""
         begins: dict[str, Any] = {}
         for chunk in self.data():
             for name in set(chunk.timeline_names) - set(OF_RERUN) if not chunk.is_empty else ():
@@ -178,7 +178,7 @@ class ChoiceLayer:
     def blueprint(self) -> rrb.Blueprint:
         """Return the layout, with the views of the recorded run, if any, in a second tab.
 
-        The words of one choice are next to the arm; those of two, or in a narrow viewer, below the front.
+        The text of one choice is next to the arm; texts of two, or in a narrow viewer, are below the front.
         """
         arms = [motion_views(motions) for motions in self._motions if motions is not None]
         texts = [
@@ -215,7 +215,7 @@ class ChoiceLayer:
     def _motions(self) -> list[MotionScene | None]:
         """The arms of the choices on the same axes; None without a workcell or motions."""
         cell = workcell_of(self.front.problem)
-        if cell is None and isinstance(self.front.motions, Motion):  # without its problem only the arm is known
+        if cell is None and isinstance(self.front.motions, Motion):  # without the problem only the arm is known
             cell = Workcell(arm=self.front.motions.arm)
         if cell is None or any(point.motion is None for point in self._points):
             return [None] * len(self.choices)
@@ -242,18 +242,19 @@ class ChoiceLayer:
 
 
 def show_choice_in_recording(front: Front, *, moved: Choice | None = None, source: Path | None = None) -> None:
-    """Make the recording in a front's run folder open on the present choice.
+    """Set the recording in a front's folder to open on the present choice; without one, as recorded.
 
-    Without a choice it opens as recorded. ``moved`` is the point that a move reached. It is shown next to the present
-    choice, or without it if no choice is kept or the ``source`` is another run's recording. Nothing is done for a
-    closed loop: its motion is already in its recording. A recording that cannot be read or replaced stays unchanged,
-    with a warning: the choice, or point, is kept elsewhere.
+    moved: point that a move reached; shown next to the present choice, if there is one
+    source: recording to start from, by default the folder's own
+
+    The recording of a closed loop already has its motion and stays unchanged. If a recording cannot be read or
+    replaced, it stays unchanged too, with a warning: the choice, or point, is stored elsewhere.
     """
     if front.folder is None or is_loop(front):
         return
     recording = front.folder / RECORDING
     try:
-        with only_writer(front.folder):  # so that the recording shows the last of several choices
+        with only_writer(front.folder):  # the recording then shows the last of several choices
             check_no_run(front.folder)
             point = front.choices.chosen
             if point is not None and point.point not in front:  # the point of a newer front
@@ -271,10 +272,10 @@ def show_choice_in_recording(front: Front, *, moved: Choice | None = None, sourc
 def recording_with_choice(
     front: Front, choice: Choice | None, *, recording: Path, compare: Choice | None = None
 ) -> bytes:
-    """Return the content of a recording that opens on a choice, with another one next to it if given.
+    """Return the content of a recording that opens on a choice; without one, as recorded.
 
-    It replaces an earlier choice. Without a choice it opens as recorded. Raises InvalidInput if the recording cannot be
-    read.
+    ``compare``: another choice, shown next to it. Earlier choices are removed. Raises InvalidInput if the recording
+    cannot be read.
     """
     recorded, opens = RecordedRun(recording), choice is None
     store = recorded.store

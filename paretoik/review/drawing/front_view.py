@@ -35,8 +35,9 @@ Kind = Literal["idle", "predicted", "certified", "jump", "known", "refused"]
 class PreferenceSliders(anywidget.AnyWidget):
     """One slider per objective of a front, from its worst to its best value, at the values of a choice.
 
-    ``follow`` is called with the objective to ``improve``, the value ``to`` reach, those on ``hold``, and whether to
-    ``release`` the slider; ``cancel`` is called when a slider is back at its start.
+    follow: called when a slider moves, with the objective to ``improve``, the value ``to`` reach, the objectives on
+        ``hold``, and whether it is a ``release``
+    cancel: called when a slider is back at its start
     """
 
     _esm = Path(__file__).with_name("preference_sliders.js")
@@ -65,7 +66,7 @@ class PreferenceSliders(anywidget.AnyWidget):
         self.on_msg(receive)
 
     def show(self, front: Front, choice: Choice, kind: Kind, words: str, prediction: Prediction | None = None) -> None:
-        """Show a choice of a front and a message; values of a prediction are shown as such."""
+        """Show a choice of a front, a message, and predicted values, if any."""
         self.state = self._state(front, choice, kind, words, prediction)
 
     def _state(
@@ -133,7 +134,7 @@ class FrontView:
         Raises InvalidInput if it is not callable.
         """
         if not callable(callback):
-            raise InvalidInput(f"on_select: must be a function, got {shown(callback)}")
+            raise InvalidInput(f"on_select must be a function, got {shown(callback)}")
         self._callbacks.append(callback)
 
     def show(self, point: int | Choice) -> None:
@@ -144,10 +145,10 @@ class FrontView:
         self._cancel()
 
     def _cancel(self) -> None:
-        self._draw(None, "idle", f"point {self._choice.id}: drag a slider to what should get better")
+        self._draw(None, "idle", f"point {self._choice.id}: drag the slider of an objective to improve it")
 
     def _follow(self, *, improve: str, to: float, hold: tuple[str, ...], release: bool) -> None:
-        """Draw the expected result of the desired move; on ``release`` move to the certified point and select it."""
+        """Draw the predicted result of a move; on ``release``, move to the certified point and select it."""
         try:
             if not release:
                 prediction = self._front.predict(self._choice, improve=improve, to=to, hold=hold)
@@ -182,7 +183,7 @@ class FrontView:
         self.viewer.display()
 
     def _log_choice(self) -> None:
-        """Draw the choice at all times of earlier drawings, to replace these."""
+        """Draw the choice, also at all times of earlier drawings, to replace these."""
         motion = self._choice.motion
         if getattr(motion, "time", None) is not None:
             self._times = np.union1d(self._times, motion_frames(np.asarray(motion.time) - motion.time[0]))

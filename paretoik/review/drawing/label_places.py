@@ -21,7 +21,7 @@ from paretoik.review.palette import MARKS, Colour
 class LabelOptions:
     """Sizes of labels [pixels], measured in pictures of the viewer."""
 
-    height: float = 12.5  # of the viewer's font, Inter
+    height: float = 12.5  # height of the viewer's font, Inter
     letters: tuple[tuple[float, str], ...] = (  # widths of groups of letters, as shares of the height
         (0.24, "ijlI'"),
         (0.28, " .,:;!·"),
@@ -34,8 +34,8 @@ class LabelOptions:
     )
     usual: float = 0.61  # width of letters that are in none of the groups
     line: float = 15.0  # distance between lines
-    padding: tuple[float, float] = (11.0, 8.0)  # how much larger the plate is than the words, across and upwards
-    reserve: float = 1.06  # factor of a label's size: a smaller window draws the frame smaller, but not the label
+    padding: tuple[float, float] = (11.0, 8.0)  # size of the plate minus size of the words, across and upwards
+    reserve: float = 1.06  # factor of a label's size, because smaller windows draw the frame smaller, but not labels
 
 
 Points: TypeAlias = Float[np.ndarray, "_ 2"]  # any number of points [pixels]
@@ -60,9 +60,9 @@ def label_place(
 ) -> Point:
     """Return the middle of a `mark`'s label [pixels].
 
-    It is the nearest place that covers the fewest points of ``others`` [pixels]. The label is within the frame if there
-    is space. If no place next to the mark is free and ``is_joined`` is set, it is farther away, in the frame or in a
-    margin; if possible, its line crosses none of ``lines`` and touches no other mark.
+    It is the nearest place that covers the fewest points of ``others`` [pixels], within the frame if there is space.
+    If ``is_joined`` and no place next to the mark is free, it is farther away, in the frame or in a margin, with a line
+    to the mark. If possible, this line crosses none of ``lines`` and touches no other mark.
     """
     half = half_size(words)
     if canvas.ticked[1]:

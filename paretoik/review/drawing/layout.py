@@ -16,7 +16,7 @@ import rerun.blueprint as rrb
 from paretoik.review.drawing.axes import TEXT, labels, text_width
 from paretoik.review.palette import DRAWING, SCREEN, VIEWS, Colour
 
-# Tabs of views whose names are all readable.
+# Tabs whose names are all readable.
 
 
 Group: TypeAlias = tuple[str, list[int]]  # the name of a tab, and the numbers of its views
@@ -25,8 +25,8 @@ Group: TypeAlias = tuple[str, list[int]]  # the name of a tab, and the numbers o
 def fitting_tabs(views: Sequence[rrb.View], width: float) -> rrb.Tabs:
     """Return views as tabs in a column of a ``width`` [pixels].
 
-    If their names do not fit, they lose their units, which their axes have. Then views whose names begin with the same
-    word become nested tabs with this word as their name. Last, the longest names are cut.
+    If the names do not fit, their units are left out. If that is not enough, views whose names begin with the same word
+    become nested tabs, named by this word. Last, the longest names are cut.
     """
     names, groups = _arrange([str(view.name) for view in views], width)
     tabs = list[rrb.View | rrb.Tabs]()
@@ -41,7 +41,7 @@ def fitting_tabs(views: Sequence[rrb.View], width: float) -> rrb.Tabs:
 
 
 def nested_tabs(names: Sequence[str], width: float) -> list[bool]:
-    """Return which views become nested tabs, below two rows of ``names``."""
+    """Return which views become nested tabs, below a second row of ``names``."""
     nested = {number for _, members in _arrange(names, width)[1] if len(members) > 1 for number in members}
     return [number in nested for number in range(len(names))]
 
@@ -75,7 +75,7 @@ Entry: TypeAlias = tuple[str, Colour]
 
 @dataclass(frozen=True, kw_only=True)
 class Legend:
-    """Words and the colours of what they name, at ``entity``, in rows of a width [pixels]."""
+    """A legend at ``entity``: words and their colours, in rows of a ``width`` [pixels]."""
 
     entries: Sequence[Entry]
     entity: str = "legend"
@@ -104,7 +104,7 @@ class Legend:
         """Return the row of each entry, and its left end [pixels]."""
         places, row, x = list[tuple[int, float]](), 0, 24.0
         for word, _ in self.entries:
-            width = text_width(BULLET + word) + 36.0  # wider than needed, for smaller windows
+            width = text_width(BULLET + word) + 36.0  # with a reserve for smaller windows
             if x + width > self.width and x > 24.0:
                 row, x = row + 1, 24.0
             places.append((row, x))
@@ -127,9 +127,10 @@ class Layout:
 
     note: text on what was left out, the last of the texts
     timeline: timeline that plays
-    start, end: range of the timeline that is looped; without ``start`` it plays from its beginning
-    frames: speed of a timeline that counts, per second
-    further: views that are tabs next to all of these
+    start: first instant of the looped range; by default the timeline plays from its beginning
+    end: last instant of the looped range
+    frames: speed of a timeline that counts [1/s]
+    further: views of further tabs, next to the tab of all these
     """
 
     legend: Legend
@@ -154,7 +155,7 @@ class Layout:
         stream.send_blueprint(self.blueprint())
 
     def blueprint(self) -> rrb.Blueprint:
-        """Return the layout as the viewer takes it."""
+        """Return the layout for the viewer."""
         front, charts = self.front, list(self.charts)
         if front is None and charts:
             front, charts = charts[0], charts[1:]
@@ -180,7 +181,7 @@ def tabbed(tabs: Sequence[rrb.Container], panel: rrb.TimePanel) -> rrb.Blueprint
 
 
 def set_times(stream: rr.RecordingStream, **times: float | np.generic) -> None:
-    """Set the current time on some timelines, and on no others; floats are seconds, integers count."""
+    """Set the current time on these timelines only; floats are seconds, integers are counts."""
     stream.reset_time()
     for name, time in times.items():
         instant: dict[str, Any] = {"duration" if isinstance(time, float | np.timedelta64) else "sequence": time}
@@ -221,8 +222,8 @@ def stream_in_memory(
 ) -> Iterator[tuple[rr.RecordingStream, bytearray]]:
     """Yield a stream, and a buffer that has its content afterwards.
 
-    Rerun's file sink is not used, because it may hang on a full disk. ``batch``: bytes that are packed at once, since
-    many small chunks make large files.
+    Rerun's file sink is not used, because it may hang on a full disk. ``batch``: size of a chunk [bytes]; many small
+    chunks make large files.
     """
     batcher, content = rr.ChunkBatcherConfig(flush_tick=3600.0, flush_num_bytes=batch), bytearray()
     stream = rr.RecordingStream(

@@ -73,11 +73,11 @@ def posture_chart(cell: Workcell, values: Values, postures: Float[np.ndarray, "p
 
 
 def limit_lines(cell: Workcell, kind: str, end: float) -> list[LimitLine]:
-    """Return the limits of a kind up to ``end`` [s], each once: a shared limit has the colours of all its joints."""
+    """Return the limits of a kind up to ``end`` [s]; a limit that joints share is one line in their colours."""
     bounds, lines, names = cell.bounds.get(kind, np.zeros((1, 0, 2))), list[LimitLine](), cell.arm.joint_names
     instants = np.array([0.0, end]) if len(bounds) == 1 else cell.times
     bounds = np.repeat(bounds, 2, axis=0) if len(bounds) == 1 else bounds
-    for limits in np.moveaxis(bounds, -1, 0):  # the lower ones (time, dof), then the upper ones
+    for limits in np.moveaxis(bounds, -1, 0):  # lower limits (time, dof), then upper limits
         joints: dict[bytes, list[int]] = {}
         for number, values in enumerate(limits.T):
             if np.isfinite(values).any():
@@ -90,16 +90,16 @@ def limit_lines(cell: Workcell, kind: str, end: float) -> list[LimitLine]:
     return lines
 
 
-# The timeline ``replay``: one generation after another; the arm moves in generations with motions.
+# The timeline ``replay`` shows one generation after another; the arm moves in generations with motions.
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayOptions:
     """Durations and sizes of the timeline ``replay``."""
 
-    moving: float = 1.0  # duration of a generation that moves [s]
-    standing: float = 0.1  # duration of a generation that does not move [s]
-    generations: int = 60  # largest number of generations that move
+    moving: float = 1.0  # duration of a generation whose arm moves [s]
+    standing: float = 0.1  # duration of any other generation [s]
+    generations: int = 60  # largest number of generations whose arm moves
     samples: int = 41  # largest number of samples of each motion
 
 
@@ -108,7 +108,7 @@ OPTIONS = ReplayOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReplayClock:
-    """The beginnings of generations [s], the generations that move, and the end of the last one."""
+    """The beginnings of generations [s], those whose arm moves, and the end of the last one [s]."""
 
     begins: Times
     moving: frozenset[int]
@@ -116,7 +116,7 @@ class ReplayClock:
 
     @staticmethod
     def of(generations: Sequence[Sequence[RecordedPoint]]) -> ReplayClock:
-        """Return the clock of generations, given the points of each; those that move are spread evenly."""
+        """Return the clock of generations, given each one's points; an arm moves in evenly spread ones."""
         able = [i for i, points in enumerate(generations) if is_moving(points)]
         moving = frozenset(able[i] for i in even_rows(len(able), OPTIONS.generations))
         lengths = [OPTIONS.moving if i in moving else OPTIONS.standing for i in range(len(generations))]
@@ -163,7 +163,7 @@ class MotionScene:
         ``postures``: name of the postures drawn behind arms that stand still, "" for none.
         """
         cell, moving = self.workcell, is_moving(self.points)
-        places = "places that count" if len(cell.places) > 1 else next(iter(cell.places), "")
+        places = "important places" if len(cell.places) > 1 else next(iter(cell.places), "")
         return drawn_entries(
             (arm, SCREEN.arm, True),
             ("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255), cell.link_radius),
@@ -193,7 +193,7 @@ class MotionScene:
     def log_whole(
         self, recording: rr.RecordingStream, points: Sequence[RecordedPoint], *, row: int | None = None
     ) -> None:
-        """Draw motions of points at the current time: paths, and the chosen one's ghosts and curves."""
+        """Draw motions of points at the current time: paths; postures and curves of the chosen one."""
         drawing = self.drawing
         for point in points:
             motion, is_chosen = point.motion, point.axis is None
@@ -234,7 +234,7 @@ class MotionScene:
     def send_replay(
         self, recording: rr.RecordingStream, slots: Sequence[tuple[float, Sequence[RecordedPoint]]]
     ) -> None:
-        """Move the arms of points on the timeline ``replay``, from the time [s] of each of ``slots`` on."""
+        """Move arms on the timeline ``replay``; each slot has its beginning [s] and its points."""
         for begin, points in slots:
             motions = [(point, point.motion) for point in points if point.motion is not None]
             longest = max((float(np.ptp(motion.time)) for _, motion in motions), default=0.0)
@@ -254,8 +254,8 @@ class MotionScene:
     ) -> None:
         """Move the arm of a point on the timeline ``motion``, also between its samples and at ``times`` [s].
 
-        Joints are interpolated linearly between samples. The chosen point's joint quantities are logged at the samples;
-        cursors of further ``charts`` move along.
+        Joints are interpolated linearly between samples. If the point is chosen, its joint quantities are logged at the
+        samples. Cursors of further ``charts`` move along.
         """
         motion = point.motion
         if motion is None or motion.is_standing:
@@ -277,7 +277,7 @@ class MotionScene:
         instants: Times,
         charts: Sequence[Chart] = (),
     ) -> None:
-        """Move the arm of a point, one row of ``columns`` per posture; cursors are at its ``instants``."""
+        """Show a point's arm in postures ``q``, one per row of ``columns``; cursors at ``instants``."""
         self.drawing.send_arms(recording, self.layer(point), columns, self._links(q), point.axis)
         if point.axis is not None:
             return
@@ -315,14 +315,14 @@ class MotionScene:
 
 
 def motion_views(motions: MotionScene | None) -> dict[str, Any]:
-    """Return the views of motions, if there are any, as a layout takes them."""
+    """Return the views of motions, if any, as arguments of a layout."""
     if motions is None:
         return {}
     return {"arm": motions.view(), "joints": [chart.view() for chart in motions.charts.values()]}
 
 
 def motion_frames(samples: Times) -> Float[np.ndarray, " frames"]:
-    """Return the times of samples [s], with enough times between them that an arm never visibly lags.
+    """Return the times of samples [s], and enough times between them for a smooth motion.
 
     >>> motion_frames(np.array([0.0, 1.0]))[[0, 25, -1]].tolist()
     [0.0, 0.25, 1.0]

@@ -48,15 +48,15 @@ def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
     starts, failed = counted(len(level.starts), "start"), int((~np.isfinite(level.ends)).sum())
     nearest = level.least_violating
     if nearest is not None:
-        counts = f"{starts}; none led to a motion that keeps all limits. The arm shows the least-violating one."
+        counts = f"{starts}; none led to a motion that satisfies all limits. The arm shows the least-violating one."
     else:
         counts = f"{starts}, {counted(len(level.optima), 'distinct optimum', 'distinct optima')}"
-        counts += f"; {failed} of the starts led to none." if failed else "."
+        counts += f"; {failed} of the starts led to no optimum." if failed else "."
     lines = [f"# Level {level.number}: {level.samples} samples", counts]
     if beyond := int((~panel.is_near(level.starts)).sum()):
-        lines.append(f"{counted(beyond, 'start')} too far off for the picture: dashes at its edge.")
+        lines.append(f"{counted(beyond, 'start')} beyond the axes: dashes at their edge.")
     if len(panel.levels) > 1:
-        lines.append("Values of different levels are not comparable: a motion of other samples has another value.")
+        lines.append("Values of different levels are not comparable, because their motions have different samples.")
     if nearest is not None:
         lines += [
             "",
@@ -77,14 +77,14 @@ def start_text(scene: PlannedScene, level: PlannedLevel, row: int) -> str:
     optimum = int(level.motions.optimum[row])
     lines = [
         f"# Start {row + 1} of the {len(level.starts)} of level {level.number}, {level.samples} samples",
-        f"- begins with {_value(scene, level.starts[row])}",
+        f"- value of the start: {_value(scene, level.starts[row])}",
     ]
     if np.isfinite(level.ends[row]):
-        lines.append(f"- leads to {_value(scene, level.ends[row])}")
+        lines.append(f"- value of its result: {_value(scene, level.ends[row])}")
     if optimum >= 0:
-        lines.append(f"- that is optimum {optimum} of the level's {len(level.optima)}")
+        lines.append(f"- leads to optimum {optimum} of the {len(level.optima)} of the level")
     elif np.isfinite(level.ends[row]):
-        lines.append("- an optimum that was not kept: there are too many, or perturbed ones lie near")
+        lines.append("- leads to an optimum that is not kept: too many others, or perturbed ones near it")
     else:
         lines.append("- leads to no optimum: the arm shows where its solver stopped")
     return screen_text("\n".join(lines))
@@ -100,20 +100,20 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
         f"- **{scene.name}**{', more is better' if scene.maximised else ''}: {_value(scene, value)}{worse}",
     ]
     if optimum.branch:
-        words = "how each inner joint is bent, `~` before one that passes through straight"
+        words = "bend of each inner joint, with `~` if it passes through the straight position"
         lines.append(f"- branch {_branch(optimum)}: {words}")
     lines.append(f"- {optimum.status} (local)")
     if np.isfinite(optimum.violation_between):
         lines.append(f"- violation {optimum.violation_between:.2g} of a limit's range on a finer grid")
     else:
-        lines.append("- leaves its path between the samples")
+        lines.append("- leaves the path between the samples")
     if twin := _twin_words(scene, optima, place):
-        lines.append(f"- as good and of the same branch: {twin}")
+        lines.append(f"- equal value and branch: {twin}")
     return screen_text("\n".join(lines))
 
 
 def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) -> str:
-    """Return the text of a plan whose ``first`` level had ``first`` starts; all levels had ``starts``."""
+    """Return the text of a plan; ``first``, ``starts``: numbers of starts of the first and of all levels."""
     lines = [optimum_text(scene, end.optima, 0, len(end.optima)), "", "## Optima", ""]
     for place, each in enumerate(end.optima[: DRAWING.optima]):
         branch, twin = _branch(each) if each.branch else "", _twin_words(scene, end.optima, place)
@@ -129,7 +129,7 @@ def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) ->
 
 
 def _twin_words(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int) -> str:
-    """Return text on the difference of an optimum from its twin; "" without a twin.
+    """Return text on the difference of an optimum from its twin; "" if it has none.
 
     The twin is the first earlier optimum with the same printed value and branch. The text has the largest difference of
     a joint at a sample, with its sign.
@@ -146,7 +146,7 @@ def _twin_words(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: in
 
 
 def _branch(optimum: PlannedOptimum) -> str:
-    return f"`{optimum.branch}`"  # as code: Markdown would strike out text between tildes
+    return f"`{optimum.branch}`"  # as code, because Markdown would strike out text between tildes
 
 
 def _further(count: int) -> list[str]:
@@ -157,7 +157,7 @@ def _value(scene: PlannedScene, value: float) -> str:
     return value_text(value, scene.unit, digits=5)
 
 
-# The panel of a plan: the objective at every start, at its result, and at the optima, level by level.
+# The panel of a plan: the objective at all starts, their results and the optima, level by level.
 
 
 ENTITY = "objective"
@@ -168,7 +168,7 @@ BEST = "best"  # name of the best point
 class PlanPanel:
     """One band per level, with its starts in the order of the search, and one band of the final ``optima``.
 
-    A band has width 1, and no mark touches its borders. Values that are too far away are dashes at the edge.
+    A band has width 1, and no mark touches its borders. Values beyond the axes are dashes at their edge.
     """
 
     scene: PlannedScene
@@ -189,7 +189,7 @@ class PlanPanel:
         middles = canvas.place(np.array([(band + 0.5, canvas.low[1]) for band in range(len(words))]).reshape(-1, 2))
         title = np.array([[canvas.width / 2, canvas.height + 1.75 * TEXT.line]])
         places = np.concatenate([middles + np.array([0.0, 0.7 * TEXT.line]), title])
-        names = labels([*words, "level by level, its starts in the order of the search"], places)
+        names = labels([*words, "levels, each with its starts in the order of the search"], places)
         recording.log(f"{ENTITY}/levels/names", names, static=True)
 
     def log_until(
@@ -197,8 +197,10 @@ class PlanPanel:
     ) -> None:
         """Draw the first ``count`` starts with their results, and the level's best.
 
-        If the plan has ``ended``, its optima are drawn too. A cursor is at the start ``looked_at``, by its number from
-        1, and labels avoid it. Values of other levels are not comparable, because these have other samples.
+        ended: whether to draw the final optima too
+        looked_at: number, from 1, of the start with the cursor, which labels avoid
+
+        The best is that of the last start's level: values of other levels, with other samples, are not comparable.
         """
         across, starts, ends = self.across[:count], self.starts[:count], self.ends[:count]
         failed, borders = ~np.isfinite(ends), np.cumsum([0, *(len(level.starts) for level in self.levels)])
@@ -243,7 +245,7 @@ class PlanPanel:
 
     @cached_property
     def across(self) -> Values:
-        """The horizontal places of all starts (starts,), in the band of their level."""
+        """The horizontal places of all starts (starts,), each in the band of its level."""
         bands = [self._across_band(place, len(level.starts)) for place, level in enumerate(self.levels)]
         return np.concatenate([np.zeros(0), *bands])
 
@@ -270,7 +272,7 @@ class PlanPanel:
         return Canvas(low=low_corner, high=high_corner, labels=("", label), ticked=(False, True))
 
     def is_near(self, values: Values) -> Mask:
-        """Mark the values that the axes contain; others are at the edge."""
+        """Return which values the axes contain; others are drawn at the edge."""
         return np.asarray((values >= self.canvas.low[1]) & (values <= self.canvas.high[1]))
 
     @property
@@ -365,7 +367,7 @@ DISTINCT = "distinct optima of the level so far"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanDrawing:
-    """The levels of a plan and its ``end`` (None before the end); ``note``: text about omitted parts.
+    """The levels of a plan and its ``end`` (None before it); ``note``: what was left out.
 
     It has these timelines:
 
@@ -398,7 +400,7 @@ class PlanDrawing:
             self._log_cursors(stream, float(place))
             if motions is not None:
                 motions.log_whole(stream, self._bests[place])
-        if self.end is not None:  # the optima, which are shown at the end of all timelines
+        if self.end is not None:  # the optima, at the end of all timelines
             last, count, nearest = self.messages[-1:], len(self._panel.starts), self.end.least_violating
             set_times(stream, **self._end_times(last[0].number + 1 if last else 0))
             self._panel.log_until(stream, count, ended=True)
@@ -430,7 +432,7 @@ class PlanDrawing:
             for place, optimum in enumerate(optima):
                 set_times(stream, optimum=place)
                 self._panel.log_optimum(stream, place)
-                if place:  # the first one shows the text of all
+                if place:  # the first one has the text of all optima
                     log_text(stream, optimum_text(self.scene, optima, place, self._count))
                 motions.log_whole(stream, [optimum.point])
         self._layout.log(stream)
@@ -440,7 +442,7 @@ class PlanDrawing:
             chart.log_cursor(stream, instant)
 
     def _end_times(self, level: int) -> dict[str, float]:
-        """Return a level's time that is also the end of ``replay`` and the beginning of ``motion`` and ``optimum``."""
+        """Return the times of the end: a level, ``replay`` at its end, ``motion`` and ``optimum`` at 0."""
         return {"level": level, "replay": self._clock.end, "motion": 0.0} | ({"optimum": 0} if self._count > 1 else {})
 
     @cached_property
@@ -463,7 +465,7 @@ class PlanDrawing:
 
     @property
     def _best(self) -> tuple[RecordedPoint, ...]:
-        """The best optimum of the plan; otherwise the least-violating motion, or the best of the last level."""
+        """The plan's best optimum, else the least-violating motion, else the best of the last level."""
         nearest = None if self.end is None else self.end.least_violating
         if self.end is not None and self.end.optima:
             return (self.end.optima[0].point,)
@@ -480,7 +482,7 @@ class PlanDrawing:
             level, row = rows[place]
             motions = level.motions
             start = _point(row, level.starts[row], motions.time, motions.starts[row], axis=0)
-            end = _point(row, level.ends[row], motions.time, motions.ends[row])  # as the chosen one
+            end = _point(row, level.ends[row], motions.time, motions.ends[row])  # drawn as chosen
             walk.append((place + 1, level, row, (start, end)))
         return walk
 
@@ -538,10 +540,10 @@ class PlanDrawing:
         entries = drawn_entries(
             ("start", SCREEN.population, True),
             ("start beyond the axes: a dash at their edge", SCREEN.population, True),
-            ("what it led to", SCREEN.front, feasible),
+            ("result of a start", SCREEN.front, feasible),
             ("start that led to no optimum", SCREEN.failed, True),
-            ("best, of a level or in the end", SCREEN.chosen, feasible),
-            ("optimum looked at", SCREEN.arm, feasible and self._count > 1),  # a single one is the best
+            ("best of a level or of the plan", SCREEN.chosen, feasible),
+            ("optimum looked at", SCREEN.arm, feasible and self._count > 1),  # a single optimum is the best
             ("values of the optima", SCREEN.final, feasible),
         )
         if motions is not None:

@@ -27,7 +27,7 @@ def broken_limits(cell: Workcell, motion: RecordedMotion) -> list[str]:
         if kind not in cell.bounds:
             continue
         bounds = cell.bounds[kind]
-        if len(bounds) > 1:  # those at the samples of a motion, which may end before its path does
+        if len(bounds) > 1:  # limits at the motion's samples; it may end before its path does
             bounds = bounds[np.abs(cell.times[:, None] - time).argmin(axis=0)]
         for joint, name in enumerate(cell.arm.joint_names):
             values, (low, high) = curves[:, joint], np.broadcast_to(bounds[:, joint], (len(time), 2)).T
@@ -65,7 +65,7 @@ def infeasible_text(
     return screen_text(unbroken_units("\n".join(lines), units))
 
 
-NO_RANGE = "One point has no range to have a share of: it is drawn in the middle."
+NO_RANGE = "A single point has no range: it is drawn in the middle."
 
 
 def reason_text(choice: Choice) -> str:
@@ -77,8 +77,8 @@ def reason_text(choice: Choice) -> str:
 def _sentences(words: str) -> list[str]:
     """Return the sentences of a text.
 
-    >>> _sentences("It has 0.5 J s. Beside it, point 3 has 2.")
-    ['It has 0.5 J s.', 'Beside it, point 3 has 2.']
+    >>> _sentences("It has 0.5 J s. The next point, 3, has 2.")
+    ['It has 0.5 J s.', 'The next point, 3, has 2.']
     """
     return re.split(r"(?<=[.;]) (?=[A-Z])", words)
 
@@ -86,7 +86,7 @@ def _sentences(words: str) -> list[str]:
 def point_text(front: Front, row: int, *, chosen: Choice | None, title: str = "chosen", whole: bool = False) -> str:
     """Return the text of a row of a front: its objectives, certificate, exchange rates, and the run.
 
-    If it is the ``chosen`` point it has the ``title`` and the reason, only its first sentence unless ``whole``.
+    The ``chosen`` point has a ``title`` and its reason, only the first sentence unless ``whole``.
     """
     certificates, units, reason = front.certificates, front.units, ""
     if chosen is None or chosen.index != row:
@@ -111,14 +111,14 @@ def point_text(front: Front, row: int, *, chosen: Choice | None, title: str = "c
             "## Certificate",
             "",
             f"- {status} (local)" + (f": {why}" if why else ""),
-            f"- criticality χ {certificates.criticality[row]:.2g} of the objectives' ranges: what all could still gain "
-            "at once",
+            f"- criticality χ {certificates.criticality[row]:.2g} of the objectives' ranges: improvement still "
+            "possible in all at once",
             f"- violation {certificates.violation[row]:.2g} at samples, {certificates.violation_between[row]:.2g} "
             "between, of a limit's range",
         ]
         errors = zip(front.names, units, certificates.discretisation_error[row], strict=True)
         texts = [f"{name} {value_text(error, unit)}" for name, unit, error in errors if np.isfinite(error)]
-        lines += [f"- off the values of the curve by {', '.join(texts)}"] * bool(texts)
+        lines += [f"- difference from the values of the curve: {', '.join(texts)}"] * bool(texts)
         rates = certificates.exchange_rates[row]
         known = [(i, j) for i, j in np.argwhere(np.isfinite(rates)).tolist() if i != j]
         lines += ["", "## Exchange rates", ""] if known else []
@@ -176,8 +176,8 @@ def text_of(
         lines += ["", "Nothing could be evaluated yet."]
     elif not count:
         individuals = counted(len(generation.population), "individual")
-        reason = f"None of the {individuals} keeps all limits and constraints of the problem: a front has only points"
-        lines += ["", f"{reason} that do."]
+        reason = f"None of the {individuals} satisfies all limits and constraints of the problem"
+        lines += ["", f"{reason}, as points of a front must."]
         if generation.least_violating is not None:
             lines += ["", "Constraints broken by the least-violating individual so far:", ""]
             lines += [f"- {words}" for words in generation.least_violating.broken]
@@ -201,7 +201,7 @@ def text_of(
             name += f" of level {number} (the final front renumbers its points)"
         lines += ["", f"The compromise, {name}, is {COMPROMISE_IN_WORDS}."]
     if moved is not None and moved != number:
-        words = "The search is not slowed to record motions of every generation: the arm shows those of generation"
+        words = "Only some generations are recorded with motions, to save time: the arm shows those of generation"
         lines += ["", f"{words} {moved}."]
     lines += outside_text(outside, len(generation.population), end)
     lines += ["", better_but_infeasible(scene, generation.population, front)]
@@ -210,15 +210,15 @@ def text_of(
 
 def outside_text(outside: int, count: int, what: str) -> list[str]:
     """Return lines on individuals outside the axes; none if all are inside."""
-    verb = "lies" if outside == 1 else "lie"
-    words = f"{outside} of {counted(count, 'individual')} {verb} outside the axes, which show what is near {what}."
+    verb = "is" if outside == 1 else "are"
+    words = f"{outside} of {counted(count, 'individual')} {verb} outside the axes, which show the region around {what}."
     return ["", words] if outside else []
 
 
 def better_but_infeasible(scene: SearchedFront, population: Population, front: Objectives) -> str:
-    """Return how many individuals dominate the front without being on it; these are infeasible.
+    """Return text on the number of individuals that dominate the front; these are infeasible.
 
-    "" if there are none.
+    The text is "" if there are none.
     """
     if scene.timeline != "generation" or not len(front):
         return ""
@@ -229,14 +229,14 @@ def better_but_infeasible(scene: SearchedFront, population: Population, front: O
 
 
 def range_text(low: float, high: float, unit: str) -> str:
-    """Return a range in words; if its ends have the same digits, the upper end is relative to the lower one.
+    """Return a range in words; if both ends have the same digits, the upper one as an offset.
 
     >>> range_text(1.0, 2.0, "m"), range_text(1.0, 1.0 + 1e-9, "m"), range_text(1.0, 1.0, "m")
-    ('1 to 2 m', '1 m to 1e-09 m above that', '1 m alone')
+    ('1 to 2 m', '1 m to 1e-09 m above that', '1 m only')
     """
     first, width = value_text(low, unit, digits=6), value_text(high - low, unit, digits=3)
     if low == high:
-        return f"{first} alone"
+        return f"{first} only"
     if f"{low:.6g}" == f"{high:.6g}":
         return f"{first} to {width} above that"
     return f"{low:.6g} to {value_text(high, unit, digits=6)}"

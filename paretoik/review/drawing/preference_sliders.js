@@ -33,7 +33,7 @@ function render({ model, el }) {
   words.setAttribute("role", "status");
   el.append(...rows.map((each) => each.row), words);
   let sent = 0;
-  let asked = null; // the newest wish while another one is being answered
+  let asked = null; // the newest wish, while an earlier one is not answered yet
   let dragged = null; // the axis under the pointer
   let released = null; // the axis whose move is in progress; meanwhile nothing can be dragged
 

@@ -43,7 +43,7 @@ LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, drawing 
     "final": (SCREEN.final, 2.6, 0.5),
     "front": (SCREEN.front, 3.2, 2.0),
     "chosen": (SCREEN.chosen, 6.5, 4.0),
-    "looked_at": (SCREEN.arm, 4.0, 4.5),  # as its arm; smaller, so that a best or chosen point below it stays visible
+    "looked_at": (SCREEN.arm, 4.0, 4.5),  # colour of its arm; small, so that a best or chosen point below it is visible
     "choice": (SCREEN.chosen, 6.5, 4.0),
     "compared": (SCREEN.compared, 6.5, 3.5),
     "predicted": (SCREEN.predicted, 5.5, 2.9),
@@ -53,7 +53,7 @@ LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, drawing 
 def matrix(names: Sequence[str], shown: Objectives) -> list[tuple[Pair, Canvas]]:
     """Return pairs of objectives (horizontal, vertical), each with a canvas that contains all finite points.
 
-    Up to five objectives have a panel for every pair, more only for neighbours, and one has none.
+    Up to five objectives have a panel for every pair, more have one per pair of neighbours, one has none.
     """
     shown, count, whole = shown[np.isfinite(shown).all(axis=1)], len(names) - 1, len(names) <= DRAWING.matrix
     if not len(shown) or not count:
@@ -62,7 +62,7 @@ def matrix(names: Sequence[str], shown: Objectives) -> list[tuple[Pair, Canvas]]
     rows = count if whole else int(np.ceil(count / columns))
     across, below = (12.0, 2.0 * TEXT.line) if whole else (TEXT.left + 10.0, TEXT.top + TEXT.bottom)
     is_tight = TEXT.character * max(map(len, names)) > VIEWS.panels[0] / count - 10.0
-    stagger = TEXT.line if is_tight and 1 < count < DRAWING.matrix else 0.0  # of every second lower label
+    stagger = TEXT.line if is_tight and 1 < count < DRAWING.matrix else 0.0  # shift of every second lower label
     width = (VIEWS.panels[0] - TEXT.left - TEXT.right - (columns - 1) * across) / columns
     height = (VIEWS.panels[1] - TEXT.top - TEXT.bottom - stagger - (rows - 1) * below) / rows
     panels = []
@@ -106,7 +106,7 @@ class Panel(NamedTuple):
 def normalised(F: Objectives, reference: Population) -> Objectives:
     """Return points as shares of the ranges of a front.
 
-    If a front has only one value in an objective, its points are in the middle and other points are infinitely far.
+    If all points of the front have the same value, they are in the middle and other points are infinitely far.
     """
     low, width = reference.min(axis=0), np.ptp(reference, axis=0)
     without_range = np.where(low == F, 0.5, np.copysign(np.inf, F - low))
@@ -115,9 +115,9 @@ def normalised(F: Objectives, reference: Population) -> Objectives:
 
 
 def replay_window(fronts: Sequence[Points]) -> Objectives:
-    """Return corners (2, n_obj) around the last of `fronts` and, if they are near, the earlier ones.
+    """Return corners (2, n_obj) of a window around the last of `fronts` and near parts of earlier ones.
 
-    An early front may be far away; the window reaches at most 1.5 final ranges beyond the final front.
+    Early fronts may be far away, so the window reaches at most 1.5 final ranges beyond the last front.
     """
     everything, front = np.concatenate(fronts), fronts[-1]
     low, high = front.min(axis=0), front.max(axis=0)
@@ -129,7 +129,7 @@ def replay_window(fronts: Sequence[Points]) -> Objectives:
 class Scatter:
     """The fronts of a ``scene`` on axes that contain all of ``shown``, below the entity ``root``.
 
-    Only the first panel has names of points. They avoid an area, points [pixels].
+    Only the first panel has names of points. They avoid an ``Area``.
     """
 
     scene: SearchedFront
@@ -142,7 +142,7 @@ class Scatter:
         scene, is_step = self.scene, self.scene.timeline == "step"
         words = [f"{name}, share of its range" if is_step else scene.label(k) for k, name in enumerate(scene.names)]
         shown, names = self.shown[np.isfinite(self.shown).all(axis=1)], entity_names(scene.names)
-        if is_step and len(shown):  # shares of ranges
+        if is_step and len(shown):  # drawn as shares of ranges
             shown = np.array([[0.0], [1.0]]) * np.ones(len(names))
         return [
             Panel(pair, [*self.root, "front", f"{names[pair[0]]} - {names[pair[1]]}"], canvas)
@@ -209,7 +209,7 @@ class Scatter:
             recording.log([*entity, "note"], labels([words], middle[None]) if words else rr.Points2D([]))
 
     def lines(self, generation: Generation) -> Area:
-        """Return the area of a generation's lines and their names."""
+        """Return points on a generation's lines and their names [pixels]."""
         for panel in self.panels[:1]:
             if self.scene.timeline == "refinement":
                 return line_points(self._moves(panel, generation))
@@ -230,9 +230,9 @@ class Scatter:
         reference: Population | None = None,
         static: bool = False,
     ) -> None:
-        """Draw points as a layer of every panel, normalised by the ranges of a ``reference`` front if there is one.
+        """Draw points as a layer of every panel, as shares of the ranges of a ``reference`` front, if any.
 
-        Points outside a window are not drawn, but their numbers are recorded. ``names`` are visible under the mouse.
+        Points outside a window are not drawn, but their values are recorded. ``names`` appear under the mouse.
         """
         drawn = F if reference is None else normalised(F, reference)
         for panel in self.panels:
@@ -269,7 +269,7 @@ class Scatter:
     ) -> None:
         """Draw the best points of the objectives in their colours, and the chosen one.
 
-        If several coincide, or one coincides with the chosen one, each mark is a ring around the next.
+        If several of these coincide, each mark is a ring around the next.
         ``of``: words after their ids, such as " of level 3".
         """
         ends = [row for row, point in enumerate(points) if point.axis is not None]
@@ -280,7 +280,7 @@ class Scatter:
             at, seen = panel.place(places), panel.shows(places)
             marks = [row for row in ends if seen[row]]
             near = np.linalg.norm(at[marks, None] - at[[*marks, *chosen]], axis=2) < MARKS.end
-            # a later mark is drawn above, the chosen point above all
+            # later marks are drawn above earlier ones, the chosen point above all
             radii = MARKS.end + MARKS.ring * np.triu(near, k=1).sum(axis=1)
             said = [f"point {points[row].id}{of}, {', '.join(words[row].splitlines())}" for row in marks]
             colours = [SCREEN.end(points[row].axis or 0) for row in marks]
@@ -302,7 +302,7 @@ class Scatter:
     def log_looked_at(
         self, recording: rr.RecordingStream, point: RecordedPoint, *, marked: Sequence[RecordedPoint], avoid: Area
     ) -> None:
-        """Mark a point that is looked at, next to the chosen one and the best of the objectives."""
+        """Mark the point looked at, in addition to the chosen one and the best of the objectives."""
         F, name, lines = point.objectives[None], f"point {point.id}", NO_LINES
         words = name
         for each in (each for each in marked if each.axis is None):
@@ -330,7 +330,7 @@ class Scatter:
         return np.stack([panel.place(origins[seen]), panel.place(ends[seen])], axis=1)
 
     def _bounds(self, panel: Panel, generation: Generation) -> list[Bound]:
-        """Return the finite bounds ε of a level's two objectives that a panel shows, each with words at its end."""
+        """Return the finite bounds ε that a panel shows, each with words at its end."""
         scene, canvas, lines, words = self.scene, panel.canvas, list[np.ndarray](), list[str]()
         for place, axis in enumerate(panel.pair if generation.epsilon is not None else ()):
             bound = float(generation.epsilon[axis])  # type: ignore[index]
@@ -341,7 +341,7 @@ class Scatter:
                 sense = "≥" if scene.maximised[axis] else "≤"
                 words.append(f"ε: {screen_text(scene.names[axis])} {sense} {bound:.4g} {scene.units[axis]}".rstrip())
         taken, bounds = line_points(lines), list[Bound]()
-        for line, said in reversed(list(zip(lines, words, strict=True))):  # those next to a vertical line can go lower
+        for line, said in reversed(list(zip(lines, words, strict=True))):  # labels of vertical lines can be lower
             middle = label_place(canvas, line[-1], said, taken, is_joined=False)
             taken = np.concatenate([taken, label_area(middle, said)])
             bounds.append((line, said, middle))

@@ -48,7 +48,7 @@ def search_entries(
     walked: bool = False,
     postures: str = "",
 ) -> list[Entry]:
-    """Return the names and colours in a search's drawing; with entries for the point looked at if ``walked``.
+    """Return the names and colours in a search's drawing; ``walked``: whether it shows points one by one.
 
     ``postures``: name of the postures drawn behind arms that stand still, "" for none.
     """
@@ -59,7 +59,7 @@ def search_entries(
         (chosen, SCREEN.chosen, True),
         ("final front", SCREEN.final, not loop),
         ("ε: bound of this level", SCREEN.epsilon, scene.timeline == "level"),
-        ("from before to after", SCREEN.moves, scene.timeline == "refinement"),
+        ("move of a point", SCREEN.moves, scene.timeline == "refinement"),
         *((f"best {name}", SCREEN.end(axis), several and not loop) for axis, name in enumerate(scene.names)),
         ("point looked at", SCREEN.arm, walked and not loop),
     )
@@ -75,7 +75,7 @@ def search_charts(scene: SearchedFront, generations: Sequence[Generation]) -> li
         return []
     numbers, charts = np.array([generation.number for generation in shown], dtype=float), list[Chart]()
     across = {"refinement": "refinement: 0 before, 1 after"}.get(scene.timeline, scene.timeline)
-    if scene.timeline == "step":  # the chosen points, between the best and the worst of each step's front
+    if scene.timeline == "step":  # the chosen values, and the best and worst of each step's front
         for axis in range(len(scene.names)):
             ranges = np.array([np.sort([each.front[:, axis].min(), each.front[:, axis].max()]) for each in shown])
             ranges = ranges[:, ::-1] if scene.maximised[axis] else ranges
@@ -128,7 +128,7 @@ def log_generation(
 class SearchDrawing:
     """The generations of a search (``messages``) and its ``end``; ``note``: text on what was left out.
 
-    It has these timelines, and all of them show the end, or else the last generation:
+    It has these timelines. All of them show the end of the search or, before it, the last generation:
 
     - ``generation``, ``level`` or ``refinement``: the generations
     - ``motion``: the last motions, if an arm moves
@@ -148,7 +148,7 @@ class SearchDrawing:
         for drawn in (*self._charts, motions, self._postures):
             if drawn is not None:
                 drawn.log(stream)
-        if front is not None:  # behind all others
+        if front is not None:  # drawn behind all other layers
             self._scatter.log_points(stream, "final", front.objectives, static=True)
         if self._postures is not None and motions is not None:
             motions.log_postures(stream, self._postures.curves.T)
@@ -159,7 +159,7 @@ class SearchDrawing:
             set_times(stream, **{self.scene.timeline: number, "replay": float(self._clock.begins[place])})
             if generation is self.messages[-1]:
                 self._at_the_end(stream)
-            # the generation whose motions are shown: itself if the points are the same
+            # the generation whose motions are shown: this one if its points are the same
             moved = generation if has_motions(generation.points) else moved
             same = moved is not None and [p.id for p in moved.points] == [p.id for p in generation.points]
             shown = number if same else None if moved is None else moved.number
@@ -178,7 +178,7 @@ class SearchDrawing:
             slots = [(float(self._clock.begins[i]), self.messages[i].points) for i in sorted(self._clock.moving)]
             slots += [(self._clock.end, self._end_points)] if is_moving(self._end_points) else []
             motions.send_replay(stream, slots)
-        if front is not None and len(self._walk) > 1:  # show the points one by one; a single point is visible anyway
+        if front is not None and len(self._walk) > 1:  # show the points one by one, unless there is a single point
             rows = {int(number): row for row, number in enumerate(front.ids)}
             for place, point in enumerate(self._walk):
                 set_times(stream, point=place)
@@ -218,7 +218,7 @@ class SearchDrawing:
             self._postures.log_cursor(stream, float(choice.objectives[0]))
 
     def _log_words(self, stream: rr.RecordingStream, front: Front, words: str) -> None:
-        """Show the text of a point, and the number of individuals behind the front that look better."""
+        """Show the text of a point, and the number of infeasible individuals that dominate the front."""
         for last in self.messages[-1:]:
             words += f"\n\n{better_but_infeasible(self.scene, last.population, front.objectives)}"
         log_text(stream, words.rstrip())
@@ -234,14 +234,14 @@ class SearchDrawing:
 
     @cached_property
     def _avoid(self) -> Area:
-        """The area of all that is drawn at the end: the front, and the last generation behind it with its lines."""
+        """Points on all that is drawn at the end: the front, and the last generation with its lines."""
         front = [] if self.end.front is None else [self.end.front.objectives]
         areas = [self._scatter.area(*front, *(each.population for each in self.messages[-1:]))]
         return np.concatenate([*areas, *(self._scatter.lines(each) for each in self.messages[-1:])])
 
     @cached_property
     def _end_points(self) -> tuple[RecordedPoint, ...]:
-        """The individually drawn points at the end: of the front, the least-violating, or the last generation's."""
+        """The points drawn individually at the end: of the front, the least-violating, or the last generation's."""
         nearest = self.end.least_violating
         if self.end.front is not None:
             return end_points(self.end.front, self.end.choice)
@@ -254,7 +254,7 @@ class SearchDrawing:
     def _scatter(self) -> Scatter:
         fronts = [each.front for each in self.messages]
         fronts += [] if self.end.front is None else [self.end.front.objectives]
-        if fronts and len(fronts[-1]) and self.scene.timeline != "refinement":  # both of its fronts are looked at
+        if fronts and len(fronts[-1]) and self.scene.timeline != "refinement":  # a refinement shows both of its fronts
             return Scatter(scene=self.scene, shown=replay_window(fronts))
         shown = np.concatenate([np.empty((0, len(self.scene.names))), *fronts])
         if not len(shown):  # nothing is feasible
@@ -279,7 +279,7 @@ class SearchDrawing:
 
     @cached_property
     def _postures(self) -> Chart | None:
-        """The joints along the front if arms stand still, since curves over time would be straight lines."""
+        """The joints along the front if arms stand still: their curves over time would be straight lines."""
         cell, front = self.scene.workcell, self.end.front
         standing = all(point.motion is not None and point.motion.is_standing for point in self._end_points)
         if cell is None or front is None or not self._end_points or not standing or front.motions is None:
@@ -292,14 +292,14 @@ class SearchDrawing:
         front, scene, motions, notes = self.end.front, self.scene, self._motions, [self.note]
         reduced = [len(each.front) for each in self.messages if each.count > len(each.front)]
         if reduced:
-            words = f"At most {max(reduced)} points of an intermediate front are drawn, spread over it, with its ends."
+            words = f"At most {max(reduced)} points of an intermediate front are drawn: ends, and others between."
             notes.append(words)
         walked, whole = len(self._walk), 0 if front is None else len(front)
         if walked < whole:
             notes.append(f"{walked} of {whole} points are on the timeline point.")
         chosen = "compromise" if self.end.least_violating is None else "least-violating"
         postures = "" if self._postures is None else "postures of the final front"
-        solid = CHOSEN if front is not None and self.end.choice is not None else chosen  # the solid point at the end
+        solid = CHOSEN if front is not None and self.end.choice is not None else chosen  # its name at the end
         why = [] if self.end.choice is None else [rrb.TextDocumentView(origin=WHY, name="why")]
         views = motion_views(motions) | ({} if self._postures is None else {"joints": [self._postures.view()]})
         return Layout(
@@ -319,7 +319,7 @@ class FrontReduction:
     def __init__(self, *, maximised: tuple[bool, ...], points: int) -> None:
         self._signs = np.where(maximised, -1.0, 1.0)
         self._points = points
-        # unlike the run, the recording process has time to spare
+        # the recording process has time for this, the run has not
         self._hypervolume = HypervolumeCurve(HypervolumeOptions(share=0.25))
 
     def reduce(self, generation: Generation) -> Generation:

@@ -27,8 +27,8 @@ from paretoik.robot.pose import Pose
 def fitting_eye(points: Float[np.ndarray, "points 3"]) -> rrb.EyeControls3D:
     """Return the nearest eye from which all points are visible.
 
-    A point at p across and z deep is visible from the distance d if |p - c| <= h (d + z), with h half the view and c
-    its middle: the least distance follows from the binding points on each side.
+    A point at p across and z deep is visible from the distance d if |p - c| <= h (d + z). Here h is half the view and c
+    its middle. The points that attain this bound on each side determine the least d.
     """
     half, away = half_view(), -np.array(SCENES.eye) / np.linalg.norm(SCENES.eye)
     right = np.cross(away, (0.0, 0.0, 1.0))
@@ -50,7 +50,7 @@ def half_view() -> Float[np.ndarray, " 2"]:
     return np.asarray(whole * (1.0 - 2.0 * np.array(SCENES.label_margin) / (width, height)))
 
 
-# Axes of a scene in space: a ground with a grid and ticks in metres, and a vertical scale.
+# The axes of a scene in space: a ground with a grid and ticks, and a vertical scale.
 
 
 METRES = ("x [m]", "y [m]", "z [m]")
@@ -61,7 +61,7 @@ class Ground:
     """The box from ``low`` to ``high`` (3,) [m] around a scene, with a grid of ``step`` [m] below it.
 
     seen: points (points, 3) that its view must show
-    labels: labels of its axes, which may have another unit than metres
+    labels: labels of its axes, also with other units than metres
     """
 
     low: Vector3
@@ -104,7 +104,7 @@ class Ground:
         recording.log(f"{entity}/labels", text, static=True)
 
     def eye(self) -> rrb.EyeControls3D:
-        """Return an eye in front, to the right and above that sees everything with its labels."""
+        """Return an eye in front, to the right and above, from which everything is visible."""
         (x0, y0, z0), (x1, y1, _) = self.low, self.high
         corners = np.array([(x0, y0, z0), (x0, y1, z0), (x1, y0, z0), (x1, y1, z0)])
         return fitting_eye(np.concatenate([self.seen, corners, self._labels[0]]))
@@ -158,12 +158,12 @@ class Stage:
             self.ground.log(recording, f"{self.entity}/axes")
 
     def strips(self, lines: Sequence[np.ndarray], colour: Any, radius: float, order: float, **more: Any) -> Any:
-        """Return lines (points, 3) as drawn: ``radius`` in pixels, above everything of a lower ``order``."""
+        """Return the drawing of lines (points, 3), above everything of a lower ``order``; ``radius`` [pixels]."""
         placed, radii = [self.place(line) for line in lines], rr.Radius.ui_points(radius)
         return self.line_kind(placed, colors=colour, radii=radii, **self.order(order), **more)
 
     def points(self, places: np.ndarray, colour: Any, radius: float, order: float, **more: Any) -> Any:
-        """Return points (points, 3) as drawn: ``radius`` in pixels."""
+        """Return the drawing of points (points, 3); ``radius`` [pixels]."""
         radii = rr.Radius.ui_points(radius)
         return self.point_kind(self.place(places), colors=colour, radii=radii, **self.order(order), **more)
 
@@ -262,7 +262,7 @@ def find_meshes(arm: Arm, root: str) -> ArmMeshes | None:
     meshes, size = list(description.getroot().iter("mesh")), 0
     around = arm.source.resolve().parents
     folders = [Path(folder) for name in PACKAGE_PATHS for folder in os.environ.get(name, "").split(os.pathsep)]
-    for mesh in meshes:  # next to the URDF, or in a package around it or on the search paths
+    for mesh in meshes:  # next to the URDF, in a package around it, or on the search paths
         name = mesh.get("filename", "")
         candidates = [arm.source.parent / name.removeprefix("file://")]
         if name.startswith(PACKAGE):

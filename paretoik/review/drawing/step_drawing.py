@@ -63,11 +63,11 @@ def motion_text(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd
         lines += ["", "## Why it ended", "", str(reason)]
     if scene.workcell.bounds and traces.point.motion is not None:
         broken = broken_limits(scene.workcell, traces.point.motion)
-        lines += ["", "## Limits broken", "", *broken] if broken else ["", "Limits of joints are kept at all samples."]
+        lines += ["", "## Limits broken", "", *broken] if broken else ["", "Joint limits are satisfied at all samples."]
     lines += ["", "## Steps", ""]
     steps = Counter(traces.status.tolist())
     lines += [f"- {count} {STATUSES.get(status, status)}" for status, count in steps.most_common()]
-    # the method's numbers with their units; numbers that vary between motions are this motion's
+    # the method's parameters; if they vary between motions, those of this motion
     units = {
         "damping": scene.damping_unit,
         "region": scene.damping_unit,
@@ -103,7 +103,7 @@ class ResolutionDrawing:
     On the timeline ``motion`` all of them move. If there are several, the timeline ``solution`` shows one after
     another.
 
-    note: text about omitted parts
+    note: text on what was left out
     """
 
     scene: ResolvedScene
@@ -122,7 +122,7 @@ class ResolutionDrawing:
         stream.reset_time()
         for point in self._points:
             self._motions.send_motion(stream, point, charts=self._all_charts)
-        # each step whose status differs from that of the previous step, while the arm moves
+        # while the arm moves: a text at each step whose status differs from the previous one
         words = motion_text(self.scene, first, self.end)
         changes = np.flatnonzero(first.status[1:] != first.status[:-1]) + 1
         for step in [*([0] if first.status[0] != "done" else []), *changes[: DRAWING.walk]]:
@@ -156,7 +156,7 @@ class ResolutionDrawing:
         ).log(stream)
 
     def _log_whole(self, stream: rr.RecordingStream, traces: RecordedTraces, points: Sequence[RecordedPoint]) -> None:
-        """Draw a motion as the chosen one at the current time, with its own text and criteria."""
+        """Draw a motion as the chosen one at the current time, with its text and criteria."""
         self._motions.log_whole(stream, points)
         log_text(stream, motion_text(self.scene, traces, self.end))
         if (chart := self._criteria_chart) is not None:
@@ -170,7 +170,7 @@ class ResolutionDrawing:
 
     @cached_property
     def _thin_motions(self) -> list[RecordedTraces]:
-        """Other motions than the first: evenly spread ones, at most one per colour."""
+        """Motions other than the first, evenly spread, at most one per colour."""
         others = list(self.end.motions[1:])
         return [others[place] for place in even_rows(len(others), len(SCREEN.ends))]
 
@@ -239,7 +239,7 @@ def _logarithm(errors: np.ndarray) -> np.ndarray:
 
 
 def _steps(values: np.ndarray) -> np.ndarray:
-    """Return step values at samples: each at the end of its step, the first also at the beginning."""
+    """Return values of steps at samples: at the end of each step, and the first also at its beginning."""
     return np.concatenate([values[:1], values])
 
 
@@ -265,9 +265,9 @@ class StepScene:
         return self._legend.above(views, f"search of step {self.step.sample}")
 
     def log(self, recording: rr.RecordingStream, end: Mapping[str, float]) -> None:
-        """Log the search.
+        """Log the search; ``end``: end of the step on other timelines, by name [s].
 
-        Other timelines show its last generation from the ``end`` of the step on, a time [s] by name of the timeline.
+        From this time on, those timelines show the last generation.
         """
         self._legend.log(recording)
         self._scatter.log_axes(recording)
@@ -276,7 +276,7 @@ class StepScene:
         for number in range(last + 1):
             set_times(recording, generation=number)
             self._log_generation(recording, number)
-        for place in (0, self.step.sample):  # from the loop's beginning on, so that the tab is never empty
+        for place in (0, self.step.sample):  # also at the loop's beginning, so that the tab is never empty
             set_times(recording, step=place, **{name: seconds if place else 0.0 for name, seconds in end.items()})
             self._log_generation(recording, last)
         alive = np.flatnonzero(np.isfinite(self.step.objectives[last]).all(axis=1))
@@ -306,14 +306,14 @@ class StepScene:
         shown = objectives[alive] if within is None else normalised(objectives[alive], within)
         lines = [
             f"# Step {self.step.sample}, generation {number}",
-            f"{counted(len(front), 'point')} on its front; of {counted(len(alive), 'individual')} "
-            f"{(~alive).sum()} failed.",
+            f"{counted(len(front), 'point')} on its front; {(~alive).sum()} of {counted(len(alive), 'individual')} "
+            "failed.",
             *outside_text(self._scatter.outside(shown), int(alive.sum()), "the front"),
         ]
         if len(front) == 1:
             lines += ["", NO_RANGE]
         if len(front) > 1 and not is_seen_beside(drawing, distance := self._distance(number)):
-            lines += ["", f"All arms of the front lie under the white one, at most {distance:.2g} m from it."]
+            lines += ["", f"All arms of the front are below the white one, at most {distance:.2g} m from it."]
         if within is not None:
             ranges = zip(self.loop.names, within.min(axis=0), within.max(axis=0), self.loop.units, strict=True)
             lines += ["", "## Ranges of the front", ""]
@@ -372,7 +372,7 @@ class StepScene:
 
     @cached_property
     def _shows_arms(self) -> bool:
-        """Whether in any generation an arm of the front is visible next to the chosen one."""
+        """Whether an arm of any generation's front is visible next to the chosen one."""
         numbers = range(len(self.step.fronts))
         return is_seen_beside(self._drawing, max(map(self._distance, numbers), default=0.0))
 
@@ -415,8 +415,8 @@ class LoopDrawing:
         first = self.messages[0].number if self.messages else 0
         if first:  # explain at step 0 why it has no front, next to its picture and in it
             set_times(stream, **self._times(0))
-            words = "The arm stands where it begins: nothing was searched for, so there is no front."
-            log_text(stream, f"# Step 0\n\n{words} The first is that of step {first}.")
+            words = "The arm is at its start: nothing was searched yet, so there is no front."
+            log_text(stream, f"# Step 0\n\n{words} The first front is that of step {first}.")
             for chart in self._charts:
                 chart.log_cursor(stream, float(first))
             self._scatter.log_note(stream, f"no front before step {first}")
@@ -439,7 +439,7 @@ class LoopDrawing:
             motions.send(stream, point, columns, point.motion.q, times)
             motions.send_series(stream, point, columns)
         if self._searches and self.messages:
-            set_times(stream, generation=0, individual=0)  # of searched steps: the loop does not move meanwhile
+            set_times(stream, generation=0, individual=0)  # on these timelines the loop does not move
             tabs = " and ".join(f"\u201csearch of step {each.step.sample}\u201d" for each in self._searches)
             hint = f"**This timeline moves {tabs}: open that tab above the legend.**"
             self._log_step(stream, self._opening or self.messages[-1], hint)
@@ -462,7 +462,7 @@ class LoopDrawing:
         ).log(stream)
 
     def _times(self, step: int) -> dict[str, float]:
-        """Return the time of a step, and its end [s] on the timeline of the motion, if there is one."""
+        """Return a step's number, and its end [s] on the timeline of the motion, if there is one."""
         motion = None if self._point is None else self._point.motion
         return {"step": step} | ({} if motion is None else {"motion": float(motion.time[step])})
 
@@ -473,14 +473,14 @@ class LoopDrawing:
         if choice is not None:
             words.append(f"## The whole loop\n\n{screen_text(choice.reason)}")
         guide = [
-            f"- The search of step {step} has a tab, \u201csearch of step {step}\u201d, above the legend; the "
-            "timelines generation and individual move it and leave all else as it is."
+            f"- The search of step {step} has a tab, \u201csearch of step {step}\u201d, above the legend. Only the "
+            "timelines generation and individual move it."
             for step in (each.step.sample for each in self._searches)
         ]
         if opening:
             guide.append(
-                f"- The steps from {opening} on, blue on the slider, are played again and again; those before are left "
-                "of them. The loop button plays all."
+                f"- The steps from {opening} on, blue on the slider, are repeated; earlier ones are left of them. The "
+                "loop button plays all steps."
             )
         if guide:
             words.append("## How to look at it\n\n" + "\n".join(guide))

@@ -30,7 +30,7 @@ function groups() {
     { name: "compromise", rows: marked("compromise"), marker: { color: colour(3), size: 11, symbol: "square" } },
     {
       name: "chosen",
-      rows: rows.filter((row) => mark(row).startsWith("chosen") && !mark(row).startsWith("chosen once")),
+      rows: rows.filter((row) => mark(row).startsWith("chosen") && !mark(row).startsWith("chosen before")),
       marker: { color: colour(1), size: 12, symbol: "star" },
     },
     {

@@ -42,7 +42,7 @@ def certificates_picture(front: Front, file: Path | str) -> None:
     """Write a PNG of a certified front: exchange rates, residuals and weights of all points.
 
     The line through a point is the front's slope there in two objectives, with the others fixed. If motions exceed a
-    limit between samples, a text says which, when, and what helps. Raises InvalidInput if the front has no
+    limit between samples, a text says which limit, when, and what helps. Raises InvalidInput if the front has no
     certificates, or the file cannot be written.
     """
     if front.certificates is None:
@@ -54,7 +54,7 @@ def certificates_picture(front: Front, file: Path | str) -> None:
         for axes, (i, j) in zip(trades, pairs, strict=True):  # two objectives, with a line for every exchange rate
             (x, y), slopes = front.objectives[:, [i, j]].T, certificates.exchange_rates[:, i, j]
             width = np.maximum([np.ptp(x), np.ptp(y)], 1e-300)
-            # same length in the picture for every slope
+            # all lines have the same length in the picture
             half_length = STYLE.tangent / np.hypot(1.0 / width[0], slopes / width[1])
             for status, marker in STYLE.markers.items():
                 rows = certificates.status == status

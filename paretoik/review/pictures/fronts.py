@@ -40,8 +40,8 @@ class NameSizes:
     line: float = 10.0  # height of a line
     distances: tuple[float, ...] = (5.0, 12.0)  # distances of a name from its mark
     gap: float = 2.5  # distance of a name from others
-    grid: int = 16  # places each way for a name without a free place next to its mark
-    leader: float = 10.0  # names farther than this from their mark have a line to it
+    grid: int = 16  # number of places per direction for names without a free place at their mark
+    leader: float = 10.0  # distance from its mark above which a name has a line to it
 
 
 NAMES = NameSizes()
@@ -50,10 +50,10 @@ NAMES = NameSizes()
 def name_points(axes: Axes, points: Float[np.ndarray, "points 2"], named: Sequence[tuple[int, str, str]]) -> None:
     """Write names next to ``points``; axes must already have limits.
 
-    ``named`` has the row of the point, the words and the colour of each name.
+    named: the row of the point, the words and the colour of each name
     """
     low, high = (np.array(limits) for limits in zip(axes.get_xlim(), axes.get_ylim(), strict=True))
-    size = np.array(axes.bbox.size) * 72.0 / axes.figure.dpi  # before the layout exists: about the final size
+    size = np.array(axes.bbox.size) * 72.0 / axes.figure.dpi  # approximate: the layout is not final yet
     taken = (points - low) / (high - low) * size
     for row, words, colour in named:
         mark, half = taken[row], np.array([0.5 * NAMES.character * len(words), 0.5 * NAMES.line])
@@ -96,7 +96,7 @@ def name_place(
 # Pictures of a front and its motions.
 
 
-WITHOUT_ARM = "The run's problem is not at hand: its arm is drawn after load_front(folder, problem)."
+WITHOUT_ARM = "To draw the arm, load the front with its problem: load_front(folder, problem)."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +109,7 @@ class Highlight:
 
 
 def highlighted(front: Front, choice: Choice | None) -> list[Highlight]:
-    """Return the best point of each of the first objectives, and the `choice` or else the compromise."""
+    """Return the best points of the first three objectives, and the `choice`, by default the compromise."""
     if len(front) == 0:
         return []
     reasons: dict[int, str] = {}
@@ -124,13 +124,15 @@ def highlighted(front: Front, choice: Choice | None) -> list[Highlight]:
 
 
 def front_picture(front: Front, file: Path | str, choice: Choice | None = None) -> None:
-    """Write a PNG of `front` and, if it has motions, of the best ones.
+    """Write a PNG of `front` and, if it has motions, of some of them.
 
-    These are the best motion in each of the first objectives. `choice`, by default the compromise
-    (``front.compromise``), is added to these. If one of these motions exceeds a limit between samples, a text says
-    which, when, and what helps; motions without their arm are drawn as joint positions over time. One objective is
-    shown as values, two and three as scatters, more as parallel coordinates; in two, a line joins neighbours on one
-    branch of optima, and jumps are dotted (``Front.jumps``). Raises InvalidInput if writing fails.
+    - Motions: the best in each of the first three objectives, and the `choice`, by default ``front.compromise``. If
+      their arm is unknown, they are drawn as joint positions over time. If one exceeds a limit between samples, a text
+      says which limit, when, and what helps.
+    - Front: values of one objective, scatters of two or three, otherwise parallel coordinates. If there are two, a line
+      joins neighbours on one branch of optima, and jumps are dotted (``Front.jumps``).
+
+    Raises InvalidInput if writing fails.
     """
     highlights = highlighted(front, choice)
     many, stored = len(front.names) > 2, front.motions
@@ -198,7 +200,7 @@ def warn_below(figure: Figure, words: str) -> None:
 
 
 def draw_jumps(axes: Axes, front: Front) -> None:
-    """Join neighbours of a front with dots if it jumps from one branch of optima to another."""
+    """Join neighbours of a front by a dotted line if they are on different branches of optima."""
     for i, pair in enumerate(pairwise(front.ids.tolist())):
         if pair in (front.jumps or ()):
             first = pair == (front.jumps or ())[0]
@@ -207,7 +209,7 @@ def draw_jumps(axes: Axes, front: Front) -> None:
 
 
 def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> None:
-    """Draw a single `motion`: its obstacles, some postures, later ones darker, and its tool path."""
+    """Draw a single `motion`: obstacles, tool path, and some postures, later ones darker."""
     size = 2 if motion.arm.is_planar else 3
     if size == 2:
         for line in obstacle_lines(motion.obstacles, None):
@@ -233,7 +235,7 @@ def arm_axes(*, planar: bool) -> Any:
 
 
 def label_arm(axes: Any, *, planar: bool) -> None:
-    """Name the axes of an arm; in space, with one scale and space for their names."""
+    """Label the axes of an arm; in space, set equal scales and make space for the labels."""
     axes.set(xlabel="x [m]", ylabel="y [m]")
     if planar:
         return
@@ -278,7 +280,7 @@ def _draw_front(figure: Figure | SubFigure, front: Front, highlights: Sequence[H
             axes.margins(0.09)
             named = [(each.index, str(ids[each.index]), each.colour) for each in highlights]
             name_points(axes, np.stack([x, y], axis=1), named)
-    else:  # one line per point across one axis per objective, with the best value of each at the bottom
+    else:  # parallel coordinates: one line per point, one axis per objective, its best value at the bottom
         axes, places = figure.subplots(), np.arange(n_obj)
         axes.plot(places, front.shares.T, color=PAPER.quiet, alpha=0.35, linewidth=0.8)
         for point in highlights:
@@ -327,8 +329,8 @@ MARKERS = "osD^vP*X"
 def comparison_picture(comparison: Comparison, file: Path | str) -> None:
     """Write a PNG of fronts in one picture, one colour per label, with the hypervolume of each.
 
-    With two objectives, labels with several runs get the surfaces that one run, half of the runs, and all runs attain.
-    More than three objectives are parallel coordinates, with the best of the merged front below. Raises InvalidInput if
+    Two objectives: labels with several runs have the surfaces that one run, half of the runs, and all runs attain.
+    More than three: parallel coordinates, with the best of the merged front at the bottom. Raises InvalidInput if
     writing fails.
     """
     first, fronts, order, styles = comparison.fronts[0], comparison.fronts, list(comparison.groups), []

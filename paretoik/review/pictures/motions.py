@@ -54,7 +54,7 @@ def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path |
         label_arm(axes, planar=planar)
         axes.legend(frameon=False, loc="upper right")
         _draw_joints(joints.subplots(), motion)
-        # the largest task error of every sample, with marks where the status of the step is not done
+        # the largest task error of every sample, with marks at steps whose status is not "done"
         above, below = steps.subplots(2, 1, sharex=True)
         shown = np.maximum(np.abs(traces.errors).max(axis=-1), 1e-16)
         above.semilogy(motion.time, shown, color=PAPER.accents[1], linewidth=1.2)
@@ -63,7 +63,7 @@ def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path |
             above.semilogy(motion.time[at], shown[at], color=PAPER.accent(number + 2), label=status, **style)
             above.legend(frameon=False)
         above.set_ylabel(f"error [{error_unit(motion.tasks)}]")
-        # how fast each criterion drives the joints; without criteria the damping
+        # joint speeds due to each criterion; the damping if there are no criteria
         for number, name in enumerate(criteria):
             speed = np.linalg.norm(traces.projected[:, number], axis=-1)
             below.plot(motion.time[1:], speed, color=PAPER.accent(number), linewidth=1.2, label=name)
@@ -106,7 +106,7 @@ def polygon_picture(polygon: PerformancePolygon, file: Path | str) -> None:
 
 
 def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Front, file: Path | str) -> None:
-    """Write a PNG of a closed loop's ``motion``, and of the chosen values between each step's best and worst.
+    """Write a PNG of a closed loop's ``motion``, and of each step's chosen, best and worst values.
 
     ``values`` (steps, n_obj) and ``ranges`` (steps, n_obj, 2: best, worst) are in the objectives' own signs; ``front``
     has their names and units. Raises InvalidInput if the file cannot be written.
@@ -154,7 +154,7 @@ def plan_picture(plan: Plan, levels: Sequence[PlannedLevel], label: str, unit: s
                 {"marker": "o", "markeredgecolor": "w"},
             )  # rings if they coincide
             axes.plot(samples, optimum.objective, color=PAPER.accent(rank), markersize=size, **edge)
-        # axes that show the optima, and starts only if these are near
+        # the axes show the optima, and starts that are near them
         shown = np.concatenate([[each.objective for each in plan.optima], *(level.optima for level in levels)])
         low, high = float(shown.min()), float(shown.max())
         margin = 0.15 * (high - low) or 0.05 * abs(high) or 1.0

@@ -38,8 +38,9 @@ class Workcell:
     places: other important places (3,) [m], by name
     directions: unit vectors (directions, 3) that begin at the first place
     link_radius: radius of every link [m]
-    bounds, times: limits by kind, (1 or time, dof, 2), and the times [s] of limits that vary
-    differences, cyclic, ends_at_rest: fields of its motions, see ``Motion``
+    bounds: limits (1 or time, dof, 2) by kind
+    times: times of limits that vary [s]
+    differences, cyclic, ends_at_rest: as in ``Motion``
     """
 
     arm: Arm
@@ -56,7 +57,7 @@ class Workcell:
 
 
 def workcell_of(problem: Any) -> Workcell | None:
-    """Return the workcell of a formulation, None for a problem without an arm."""
+    """Return the workcell of a formulation; None if the problem has no arm."""
     task = task_of(problem)
     if task is not None:
         paths = tuple(in_space(each.path.positions) for each in task.tasks)
@@ -105,7 +106,7 @@ class PathEnd:
 
     @property
     def middles(self) -> Times:
-        """Times in the middle between samples [s]."""
+        """Midpoints between the times of samples [s]."""
         return (self.times[1:] + self.times[:-1]) / 2
 
     @property
@@ -143,10 +144,11 @@ class MaximaScene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaximaEnd:
-    """A ``polygon`` without its actuation, which may be the user's own, and the ``provenance`` of its run.
+    """The result of directional maxima: a ``polygon`` without its actuation, which may be the user's own.
 
-    ``lower`` and ``upper`` (directions, dof): joint limits that the motors allow in each posture, speeds [rad/s, m/s]
-    or torques [N m, N].
+    lower, upper: joint limits (directions, dof) due to the motors in each posture, as speeds [rad/s, m/s] or torques
+        [N m, N]
+    provenance: provenance of the run
     """
 
     polygon: PerformancePolygon
@@ -171,8 +173,7 @@ def maxima_end(polygon: PerformancePolygon, provenance: Mapping[str, Any]) -> Ma
 class RecordedMotion:
     """A motion as plain arrays: joint positions ``q`` (time, dof) at ``time`` (time,) [s].
 
-    ``curves``: joint quantities (time, dof) by kind of limit, in rad, s, N m and W; None if they are those of a
-    ``Motion`` through these samples.
+    curves: joint quantities (time, dof) by kind of limit, units from rad, m, s, N m, N and W; None: computed from ``q``
     """
 
     time: Times
@@ -187,9 +188,10 @@ class RecordedMotion:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedPoint:
-    """A point that is drawn individually: the chosen one, or the best of an objective with its ``axis``.
+    """A point that is drawn individually, such as the chosen one or the best of an objective.
 
-    ``motion``: None if the point has no motion, or if its genes were not decoded, to save time.
+    axis: objective in which the point is best; None for other points
+    motion: None if the point has no motion, or if its genes were not decoded, to save time
     """
 
     id: int
@@ -199,9 +201,10 @@ class RecordedPoint:
 
 
 def record_motion(motion: Any, *, curves: bool, samples: int | None = None) -> RecordedMotion | None:
-    """Return a single motion as plain arrays, with the curves of its joints if ``curves``.
+    """Return a single motion as plain arrays; None if it is not a motion of an arm.
 
-    If it has more than ``samples``, evenly spaced ones are taken. Return None if it is not a motion of an arm.
+    curves: whether to add the curves of its joints
+    samples: largest number of samples, taken evenly spaced
     """
     if not isinstance(motion, Motion):
         return None
@@ -221,7 +224,7 @@ def joint_curves(cell: Workcell, motion: RecordedMotion) -> Mapping[str, np.ndar
 
 
 def end_points(front: Front, choice: Choice | None) -> tuple[RecordedPoint, ...]:
-    """Return the best points of a front's objectives, and its choice if there is one, with their motions."""
+    """Return the best points of a front's objectives and the choice, if any, with their motions."""
     if not len(front):
         return ()
     rows = best_rows(front.minimised, front.ids) if len(front.names) > 1 else []
@@ -230,7 +233,7 @@ def end_points(front: Front, choice: Choice | None) -> tuple[RecordedPoint, ...]
 
 
 def front_point(front: Front, row: int, *, axis: int | None = None) -> RecordedPoint:
-    """Return a row of a front as a point, the best one of an objective if ``axis`` is given."""
+    """Return a row of a front as a point; ``axis``: objective in which it is best, if any."""
     motion = None if front.motions is None else record_motion(front.motions[row], curves=axis is None)
     return RecordedPoint(id=int(front.ids[row]), objectives=front.objectives[row], axis=axis, motion=motion)
 
@@ -244,8 +247,9 @@ def chosen_point(choice: Choice) -> RecordedPoint:
 class LeastViolating:
     """The individual or motion that breaks a problem's constraints least, if none satisfies them all.
 
-    ``broken``: broken constraints, with amounts. At the end of a run, ``reason`` says why it has no result, and
-    ``point`` is the one that breaks least, None if there is no motion.
+    broken: broken constraints, with amounts
+    reason: at the end of a run, why it has no result
+    point: the individual or motion itself at the end of a run; None if there is no motion
     """
 
     broken: tuple[str, ...]
@@ -260,7 +264,7 @@ class LeastViolating:
 class PlannedMotions:
     """The motions of a level, at ``time`` [s]: its starts, their results, and the distinct optima.
 
-    ``optimum``: place of the optimum that each start led to, −1 if it led to none.
+    ``optimum``: index of the optimum that each start led to, −1 if none.
     """
 
     time: Times
@@ -272,12 +276,14 @@ class PlannedMotions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedLevel:
-    """A finished level of a plan: the objective of its starts and of its optima.
+    """A finished level of a plan: the objective, in its own sign, of its starts and of its optima.
 
-    ``number`` counts levels from 0, ``samples`` is the level's number of samples. Values are in the objective's own
-    sign; optima are sorted, the best first. ``ends``: values of the starts' results, NaN if a result is not an optimum.
-    If no motion of the level satisfies all limits, its optima are the least-violating ones, and ``least_violating``
-    says what the first of them breaks.
+    number: number of the level, from 0
+    samples: number of samples of the level's motions
+    starts: values of the starts
+    ends: values of the starts' results, NaN if a result is not an optimum
+    optima: values of the optima, best first; of the least-violating motions if none satisfies all limits
+    least_violating: what the first of the least-violating motions breaks; None if a motion satisfies all limits
     """
 
     number: int
@@ -291,7 +297,7 @@ class PlannedLevel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedScene:
-    """Scene of a plan: objective's name, unit and sense, and the workcell."""
+    """The scene of a plan: the objective's name, unit and sense, and the workcell."""
 
     name: str
     unit: str
@@ -302,7 +308,7 @@ class PlannedScene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedOptimum:
-    """An optimum of a plan as a ``point``, whose id is its place, with its branch, status and violation."""
+    """An optimum of a plan: its ``point`` (the id is its index), branch, status and violation."""
 
     point: RecordedPoint
     branch: str
@@ -323,8 +329,8 @@ class PlanEnd:
 class ResolvedScene:
     """The scene of resolved motions: the workcell, and the names of the method and its criteria.
 
-    ``tolerance``: error at which the path counts as lost, in the ``error_unit``. ``min_clearance`` [m]: required
-    clearance of links.
+    tolerance: error at which the path counts as lost, in ``error_unit``
+    min_clearance: required clearance of links [m]
     """
 
     workcell: Workcell
@@ -341,18 +347,23 @@ class ResolvedScene:
 
     @property
     def damping_unit(self) -> str:
-        """Unit of the damping, which is that of the Jacobian."""
+        """Unit of the damping and of the Jacobian."""
         turns = not is_sliding(self.workcell.arm).any()
         return "m/rad" if turns and self.error_unit == "m" else "units of the Jacobian"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedTraces:
-    """A resolved motion as a ``point``, whose id is its place in the batch, and the traces of its method.
+    """A resolved motion, and the traces of its method at samples and over the steps between them.
 
-    ``error``: largest task error at each sample. ``clearance`` [m]: None without obstacles. Over each step to the next
-    sample: ``speed``, the norm of the commanded joint velocities; ``damping``; ``repulsion``, the norm of the
-    velocities away from limits; ``criteria``, the norms of each criterion's velocities; ``status``, a word.
+    point: the motion as a point, whose id is its place in the batch
+    error: largest task error at each sample
+    clearance: clearance at each sample [m]; None if there are no obstacles
+    speed: norm of the commanded joint velocities
+    damping: damping of the step
+    repulsion: norm of the joint velocities away from limits
+    criteria: norms of the joint velocities due to each criterion
+    status: status of the step in one word
     """
 
     name: str
@@ -374,7 +385,7 @@ class RecordedTraces:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResolutionEnd:
-    """Resolved motions, at least one of ``count``, and the ``provenance`` of their run."""
+    """Some or all of ``count`` resolved motions, at least one, and the ``provenance`` of their run."""
 
     motions: Sequence[RecordedTraces]
     count: int
@@ -382,7 +393,7 @@ class ResolutionEnd:
 
 
 def record_traces(motion: ResolvedMotion) -> tuple[list[RecordedTraces], int]:
-    """Return the motions of a batch, evenly spread ones if many, and how many there are."""
+    """Return the motions of a batch, or evenly spread ones of many, and the size of the batch."""
     batch, recorded = list(np.ndindex(motion.q.shape[:-2])), list[RecordedTraces]()
     for place in even_rows(len(batch), DRAWING.walk).tolist():
         index = batch[place]

@@ -6,9 +6,9 @@ A run is recorded in three lines, and none of them loads Rerun::
     recorder.record(generation)  # for every new state to show
     recorder.finish(SearchEnd(front=front, choice=choice))
 
-The scene, the messages and the end are frozen dataclasses of this library with numbers, arms, motions or fronts, and
-nothing of the user's own, such as functions or problems: they go to a child process, which draws them; see
-``recording_child``. Messages with a ``number`` are a series: if it grows long, evenly spread ones are kept,
+The scene, the messages and the end go to a child process, which draws them (``recording_child``). They are frozen
+dataclasses of this library with numbers, arms, motions or fronts, but nothing of the user's own, such as functions or
+problems. Messages with a ``number`` are a series: if it grows long, evenly spread ones are kept,
 including the first and the last. All other messages are kept.
 """
 
@@ -56,7 +56,7 @@ from paretoik.review.recording.messages import (
 from paretoik.robot.arm import Arm
 from paretoik.runs.machine import child_command
 
-# The child process that records, as its parent sees it: messages go through a pipe, answers come back.
+# The recording process, as seen by its parent: messages go through a pipe, answers come back.
 #
 # The parent never waits: messages that do not fit into the pipe stay in a queue. The pipe is private to parent and
 # child, so its messages may be pickled; nothing is unpickled from files, and the child answers in JSON.
@@ -70,14 +70,14 @@ HEADER = 8  # length of a message before its bytes, big-endian
 class RecorderOptions:
     """Waiting times for the child process, and bounds on queue and file."""
 
-    start: float = 60.0  # longest time for the child to begin, which loads Rerun [s]
-    silence: float = 120.0  # longest time of messages without an answer, longer than any drawing [s]
-    queue: int = 64_000_000  # largest number of bytes that may wait for the child
-    pipe: int = 1_000_000  # bytes of the pipe in the kernel
-    size: int = 40_000_000  # bytes of the file above which every second message of a series is dropped
+    start: float = 60.0  # longest time for the child to start and load Rerun [s]
+    silence: float = 120.0  # longest time without an answer; no drawing takes that long [s]
+    queue: int = 64_000_000  # largest size of the messages that wait for the child [bytes]
+    pipe: int = 1_000_000  # size of the pipe in the kernel [bytes]
+    size: int = 40_000_000  # size of the file above which every second message of a series is dropped [bytes]
     points: int = 400  # largest number of drawn points of a front
     share: float = 0.1  # largest share of the child's time for drawing an unfinished run
-    batch: int = 300_000  # bytes of recorded data that are packed at once: many small chunks make large files
+    batch: int = 300_000  # size of a chunk of recorded data: small chunks make large files [bytes]
     tick: float = 0.25  # time between the child's checks of its parent and the viewer [s]
     niceness: int = 5  # niceness of the child, so that the run has priority
 
@@ -94,7 +94,7 @@ class Opening:
     scene: Any
     live: bool
     options: RecorderOptions
-    run: int  # the process that sends the messages
+    run: int  # id of the process that sends the messages
 
 
 class RecordingStoppedError(Exception):
@@ -124,12 +124,12 @@ class RecordingProcess:
         self._input, self._output = self._child.stdin, self._child.stdout
         for pipe in (self._input, self._output):
             os.set_blocking(pipe.fileno(), False)
-        with suppress(AttributeError, OSError):  # if the system lets pipes grow
+        with suppress(AttributeError, OSError):  # not every system lets a pipe grow
             fcntl.fcntl(self._input, fcntl.F_SETPIPE_SZ, self._options.pipe)
         self._patience, self._silent_since = self._options.start, time.monotonic()
 
     def send(self, kind: Kind, message: Any) -> None:
-        """Queue a message and write what fits into the pipe; drop every second one of a series if too much waits."""
+        """Queue a message and fill the pipe; if the queue is too long, drop every second message of a series."""
         content = pickle_message((kind, message, self._dropped))
         if self._answered == self._sent:
             self._silent_since = time.monotonic()  # nothing needed an answer until now
@@ -155,7 +155,7 @@ class RecordingProcess:
             except OSError:  # the child cannot read any more
                 is_gone = True
                 break
-            if self._full:  # the child has read since; an incomplete message has no answer
+            if self._full:  # the child has read since then; it answers complete messages only
                 self._full, self._silent_since = False, time.monotonic()
             if self._offset == len(message):
                 self._queue.popleft()
@@ -179,12 +179,12 @@ class RecordingProcess:
                 self._child.wait(1.0)
             self._log.seek(0)
             lines_of_log = self._log.read().decode(errors="replace").strip().splitlines()
-            cause = lines_of_log[-1] if lines_of_log else "the process that records ended"
+            cause = lines_of_log[-1] if lines_of_log else "the recording process ended"
             if self._child.returncode is not None and self._child.returncode < 0:
-                cause = f"the process that records was ended by {signal.Signals(-self._child.returncode).name}"
+                cause = f"the recording process was ended by {signal.Signals(-self._child.returncode).name}"
             self._fail(cause.removeprefix("ModuleNotFoundError: "))
         if self._answered < self._sent and time.monotonic() - self._silent_since > self._patience:
-            self._fail(f"the process that records gave no answer within {self._patience:g} s")
+            self._fail(f"the recording process gave no answer within {self._patience:g} s")
 
     def complete(self, end: Any) -> None:
         """Send all waiting messages and the ``end``, if any, and wait until the child has completed the file."""
@@ -202,7 +202,7 @@ class RecordingProcess:
             if not self.finished:
                 self._child.kill()
             self._child.wait(self._options.silence if self.finished else 1.0)
-        except subprocess.TimeoutExpired:  # the system does not release it, such as on a disk that hangs
+        except subprocess.TimeoutExpired:  # the child cannot end yet, for example because a disk hangs
             self._child.kill()
         finally:
             self._input.close()
@@ -220,7 +220,7 @@ def read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
 
 
 def pickle_message(message: Any) -> memoryview:
-    """Return a pickled message after its length (``HEADER`` bytes)."""
+    """Return a message's length (``HEADER`` bytes), followed by its pickle."""
     content = BytesIO(bytes(HEADER))
     content.seek(HEADER)
     pickler = pickle.Pickler(content, protocol=5)
@@ -246,21 +246,23 @@ Population: TypeAlias = Float[np.ndarray, "individuals n_obj"]
 class Generation:
     """One generation of a search, in the user's own sign.
 
-    A step of a closed loop has no hypervolume, but a ``chosen`` point of its front. The population of an ε-sweep's step
-    is all points so far, and its ids are those of the sweep only. The population of a refined front is the front before
-    refinement. The recording computes a missing hypervolume if there is a ``reference``: only sometimes if that is
-    slow, and approximately for more than four objectives.
+    - Step of a closed loop: it has no hypervolume, but a ``chosen`` point of its front.
+    - Level of an ε-sweep: its population is all points so far; its ids are valid in the sweep only.
+    - Refinement: its population is the front before refinement.
+
+    The recording computes a missing hypervolume if there is a ``reference``: in some generations only if that is slow,
+    and approximately for more than four objectives.
     """
 
     number: int
     population: Population
     front: Objectives
     front_ids: Ids
-    hypervolume: float | None = None  # in the product of the objectives' units
+    hypervolume: float | None = None  # unit: the product of the objectives' units
     reference: Values | None = None  # (n_obj,)
-    failed: int = 0  # number of evaluations that gave no number
-    size: int | None = None  # of the whole front if ``front`` has only some of its points
-    chosen: Values | None = None  # point taken in a step of a closed loop
+    failed: int = 0  # number of failed evaluations so far
+    size: int | None = None  # number of points if ``front`` has only some of them
+    chosen: Values | None = None  # point chosen in a step of a closed loop
     epsilon: Values | None = None  # (n_obj,): bounds of a sweep's step, infinite for the minimised objective
     origins: Objectives | None = None  # (points, n_obj): the front's points before refinement
     points: tuple[RecordedPoint, ...] = ()  # the best of every objective and the compromise, sometimes with motions
@@ -268,7 +270,7 @@ class Generation:
 
     @property
     def count(self) -> int:
-        """Number of points of the front, drawn or not."""
+        """Number of all points of the front, also of those that are not drawn."""
         return len(self.front) if self.size is None else self.size
 
 
@@ -297,10 +299,12 @@ class SearchedStep:
 class SearchedFront:
     """The scene of a search: names, units and senses of the objectives.
 
-    ``timeline`` says what generations are: generations, levels of an ε-sweep, a front before and after refinement, or
-    steps of a closed loop. Steps have no hypervolume, and each is drawn as shares of its own front's ranges, because
-    objectives can change by orders of magnitude between steps. ``workcell``: surroundings of its motions, None if
-    the problem has no arm.
+    timeline: what the messages are: generations, levels of an ε-sweep, a front before and after refinement, or steps
+        of a closed loop
+    workcell: surroundings of its motions; None if the problem has no arm
+
+    Steps have no hypervolume. Each is drawn as shares of the ranges of its own front, because objectives can change by
+    orders of magnitude between steps.
     """
 
     names: tuple[str, ...]
@@ -332,7 +336,7 @@ class SearchEnd:
 
     There is no front in two cases:
 
-    - Closed loop: the generations are its steps, one for each sample of the motion; ``searched`` has recorded searches.
+    - Closed loop: one generation is recorded per step to a sample; ``searched`` has the searches of recorded steps.
     - Nothing feasible was found: ``least_violating`` is the point that violates least.
     """
 
@@ -383,7 +387,7 @@ class Recorder:
                 self._process.send("record", message)
 
     def finish(self, end: Any) -> None:
-        """Complete the file with the `end` of the run, and wait for that."""
+        """Complete the file with the `end` of the run; return after it is complete."""
         if self._process is not None and not self._failed:
             with self._survived():
                 self._process.complete(end)

@@ -17,7 +17,7 @@ from pathlib import Path
 
 @contextmanager
 def private_environment() -> Iterator[dict[str, str]]:
-    """Yield the environment for Rerun's programs, with a temporary folder for the data that they store.
+    """Yield the environment for Rerun's programs, with a temporary folder for their data.
 
     Rerun's programs send usage statistics unless a complete configuration disables it (RERUN_ANALYTICS belongs to
     another version). If the user's home has no such files, they write a configuration and window settings there.
@@ -41,8 +41,8 @@ def private_environment() -> Iterator[dict[str, str]]:
 
 def run_viewer(target: str, *options: str) -> subprocess.CompletedProcess[str]:
     """Open a file or address in the viewer with its own options, and return after it is closed."""
-    # By default it listens to all machines, on a port that may be taken. -P ignores a rerun.py in the current folder,
-    # which may be anybody's run.
+    # By default the viewer listens to all machines, on a port that may be taken. -P ignores a rerun.py in the current
+    # folder, which may be anybody's run.
     command = [sys.executable, "-P", "-m", "rerun", target, "--bind", "127.0.0.1", "--port", "auto", *options]
     with private_environment() as environment:
         return subprocess.run(
@@ -51,7 +51,7 @@ def run_viewer(target: str, *options: str) -> subprocess.CompletedProcess[str]:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Open the file or address in the arguments, and return the viewer's exit status."""
+    """Open the file or address in the arguments; return the viewer's exit status."""
     return run_viewer(*arguments).returncode
 
 

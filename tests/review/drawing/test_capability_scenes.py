@@ -140,7 +140,7 @@ def test_directional_maxima_grow_direction_by_direction(tmp_path, quantity):
     unit = "m/s" if quantity == "velocity" else "N"
     words = str(rows(entities["/text"], "direction", "text")[3][0])
     legend = static_words(entities["/legend/words"])
-    assert "● what motors allow: dashed" in legend
+    assert "● limits of the motors: dashed" in legend
     assert ("● limits: dashed" in legend) == ("/charts/position/limits" in entities)
     assert f"{polygon.values[2]:.4g} {unit}" in words
     assert any(word.endswith(f"[{unit}]") for word in static_words(entities["/maxima/axes/labels"]))

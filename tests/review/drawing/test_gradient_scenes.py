@@ -82,7 +82,7 @@ def test_a_plan_has_all_entities_at_every_instant(plan):
     assert static_words(entities["/objective/labels"])[-1] == "kinetic_energy [J s]"
     assert {
         "● start",
-        "● best, of a level or in the end",
+        "● best of a level or of the plan",
         "● optimum looked at",
         "● obstacle",
         "● limits: dashed",

@@ -58,7 +58,7 @@ def test_arms_of_the_front_are_named_if_they_are_visible_next_to_the_chosen_one(
     assert ("arms of the front" in legend(entities)) == is_seen
     assert (scene.view().contents[1].contents[1].name == "arms of the front, step 7") == is_seen
     words = last_text(entities["/step_7/text"], "generation", 0)
-    assert ("All arms of the front lie under the white one, at most" in words) == (not is_seen)
+    assert ("All arms of the front are below the white one, at most" in words) == (not is_seen)
 
 
 @pytest.mark.parametrize(("generations", "is_drawn"), [([TRADE_OFF], False), ([TRADE_OFF, BEHIND], True)])
@@ -74,7 +74,7 @@ def test_individuals_outside_the_axes_of_a_front_of_one_point_are_counted(tmp_pa
     assert [len(drawn[number]) for number in (0, 1)] == [1, 6]
     words = last_text(entities["/step_7/text"], "generation", 0)
     assert "1 point on its front" in words
-    assert "5 of 6 individuals lie outside the axes, which show what is near the front." in words
+    assert "5 of 6 individuals are outside the axes, which show the region around the front." in words
     assert "outside the axes" not in last_text(entities["/step_7/text"], "generation", 1)
 
 

@@ -37,7 +37,7 @@ def test_optima_whose_words_are_the_same_are_distinguished_by_the_joint_that_dif
     assert "- 2: 1 J s, `++`" in lines
     assert "- 3: 1 J s, `+-`, joint3 +0.75 m from optimum 0 at 1 s" in lines
     assert "- 4: 2 J s, `+-`" in lines
-    assert "as good and of the same branch: joint2 -0.5 rad" in optimum_text(SCENE, optima, 1, 5)
+    assert "equal value and branch: joint2 -0.5 rad" in optimum_text(SCENE, optima, 1, 5)
     assert "as good" not in optimum_text(SCENE, optima, 2, 5)
 
 

@@ -32,8 +32,8 @@ def generation(front: list[list[float]], **more) -> Generation:
 def test_an_empty_front_says_why_it_is_empty():
     words = text_of(scene(), generation([]))
     assert "0 points on the front." in words
-    assert "None of the 3 individuals keeps all limits and constraints of the problem" in words
-    assert "keeps all limits" not in text_of(scene(), generation([[1.0, 2.0]]))
+    assert "None of the 3 individuals satisfies all limits and constraints of the problem" in words
+    assert "satisfies all limits" not in text_of(scene(), generation([[1.0, 2.0]]))
 
 
 @pytest.mark.parametrize("timeline", ["generation", "step"])
@@ -121,7 +121,7 @@ def test_a_run_is_told_in_words():
     assert "- took 14 bounds ε" in run_text({"counts": {"levels": 14}})
     assert "- points of the front, at most: 200" in run_text({"settings": {"population": 60, "points": 200}})
     assert "- points of the front: 12" in run_text({"settings": {"points": 12}})
-    assert "- starts for every redundant degree: 2" in run_text({"settings": {"starts": 2}, "counts": {"optima": 11}})
+    assert "- starts per redundant degree: 2" in run_text({"settings": {"starts": 2}, "counts": {"optima": 11}})
     assert "- ended: interrupted" in run_text({"status": "interrupted"})
 
 

@@ -147,7 +147,7 @@ def test_a_search_has_all_entities_at_every_instant(run):
     )
     legend = static_words(entities["/legend/words"])
     assert ("● directions" in legend) == (name == "directions")
-    assert ("● position" in legend, "● places that count" in legend) == (name == "directions", name == "point to point")
+    assert ("● position" in legend, "● important places" in legend) == (name == "directions", name == "point to point")
     panels = {"/".join(path.split("/")[:3]) for path in entities if path.startswith("/front/")}
     assert len(panels) == {2: 1, 3: 3}[len(front.names)]
     for panel in panels:
@@ -276,12 +276,12 @@ def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
     assert charts == {"position", "velocity"}, "an arm without masses has no torque"
     assert not len(notes.get(1, ()))
     words = rows(entities["/text"], "step", "text")
-    assert str(words[0][0]).startswith("# Step 0\n\nThe arm stands where it begins")
+    assert str(words[0][0]).startswith("# Step 0\n\nThe arm is at its start")
     assert str(words[1][0]).startswith("# Step 1\n")
     assert "/arm/obstacles/outlines" in entities
     assert "/step_7/arm/obstacles/outlines" in entities
     assert "The search of step 7 has a tab" in str(words[1][0])
-    assert "The steps from 7 on, blue on the slider, are played again and again" in str(words[1][0])
+    assert "The steps from 7 on, blue on the slider, are repeated" in str(words[1][0])
     searched = rows(entities["/step_7/text"], "generation", "text")
     assert all(str(searched[number][0]).startswith(f"# Step 7, generation {number}") for number in searched)
     one_by_one = rows(entities["/step_7/text"], "individual", "text")

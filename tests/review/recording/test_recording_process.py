@@ -194,7 +194,7 @@ def test_a_child_that_hangs_is_given_up_after_some_seconds_without_the_run_waiti
             longest = max(longest, time.process_time() - before)
             time.sleep(0.05)
 
-    with pytest.warns(RuntimeWarning, match="the run continues: the process that records gave no answer within 2 s"):
+    with pytest.warns(RuntimeWarning, match="the run continues: the recording process gave no answer within 2 s"):
         run()
     assert child not in children(os.getpid())
     assert longest < 0.1
