@@ -201,7 +201,7 @@ def test_a_spatial_arm_follows_poses_within_its_own_limits():
         ({"differences": "central"}, "got central differences"),
         ({"end_velocity": 0.0}, "got end_velocity=0"),
         ({"objectives": [pk.joint_drift]}, "objective joint_drift: form must be 'integral'"),
-        ({"objectives": [pk.jerk]}, "no further than accelerations"),
+        ({"objectives": [pk.jerk]}, "must be finite functions of q, dq and ddq, got NaN"),
     ],
 )
 def test_what_is_not_supported_is_refused_by_name(changed, said):
