@@ -272,7 +272,7 @@ class ConvexSubproblem:
         )
 
     def _quadratic(self, hessian: sparse.csr_array | None) -> sparse.csc_matrix:
-        """Return P: the Hessian's upper triangle in d's rows and columns; empty if ``hessian`` is None."""
+        """Return P: the Hessian's upper triangle in d's rows and columns; no entries without a Hessian."""
         variables = len(self._indptr) - 1
         shape = (variables, variables)
         if hessian is None:

@@ -172,7 +172,7 @@ def _violations(level: MotionTask, q: JointPaths) -> Float[np.ndarray, " motions
 def _limits_program(level: MotionTask) -> MotionProgram | None:
     """Return the program of a task's limits, if there is one.
 
-    There is none if a limit has no derivative, or is a function of the whole motion.
+    A limit without derivative, or on a function of the whole motion, has no program.
     """
     try:
         program = motion_program(replace(level, objectives=(squared_velocity,)))

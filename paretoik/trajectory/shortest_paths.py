@@ -77,7 +77,7 @@ class LayeredGraph:
 
 
 def shortest_path(layers: LayeredGraph, cyclic: bool, among: np.ndarray | None = None) -> tuple[float, list[int]]:
-    """Return the least cost and its path; inf and [] if there is none.
+    """Return the least cost and its path, or inf and [].
 
     Cycles are found by branch and bound over sets of first states: the shortest path from a set back to this set is a
     lower bound of the set's cycles.

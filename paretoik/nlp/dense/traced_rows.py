@@ -1,6 +1,6 @@
 """Equalities and inequalities of smooth programs with their first and second derivatives.
 
-Small programs are traced once. Large programs are assembled from small ones, each of which uses a few of the unknowns.
+Small programs are traced once. Large programs are assembled from small ones, which use a few unknowns each.
 """
 
 from __future__ import annotations
