@@ -137,7 +137,7 @@ def _operator(op: Op, *, reflected: bool = False) -> Callable[[Expression, Any],
 
 
 class Expression:
-    """An entry of a tape as a number for NumPy's functions.
+    """An entry of a tape that NumPy's functions treat as a number.
 
     Raises InvalidInput if code needs its value, as ``if``, ``float`` and unsupported functions do.
     """

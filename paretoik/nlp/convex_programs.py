@@ -72,7 +72,7 @@ def fit_inverse_squares(
         warnings.simplefilter("ignore", UserWarning)  # an inaccurate solution is judged by its status
         problem.solve(solver=cvxpy.CLARABEL, **tolerances)
     if problem.status not in (cvxpy.OPTIMAL, cvxpy.OPTIMAL_INACCURATE):
-        raise SolverFailed(f"ellipsoid fit: Clarabel must end with optimal, got {problem.status}")
+        raise SolverFailed(f"ellipsoid fit: Clarabel's status must be optimal, got {problem.status}")
     return np.array(coefficients.value)
 
 
@@ -162,7 +162,7 @@ class IntervalSolver:
             self._solver.update(A=matrix, b=right)
         solution = self._solver.solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
-            raise SolverFailed(f"minimum-time cone program: Clarabel must end with Solved, got {solution.status}")
+            raise SolverFailed(f"minimum-time cone program: Clarabel's status must be Solved, got {solution.status}")
         x = np.array(solution.x)
         return Moves(
             moves=x[: self._unknowns].reshape(-1, self._task) * length,

@@ -200,7 +200,7 @@ class _Places(NamedTuple):
 
 
 class ConvexSubproblem:
-    """The canonicalised subproblem of one pattern; the one of the criticality if ``ball``."""
+    """The canonicalised subproblem of one pattern, or of its criticality if ``ball``."""
 
     def __init__(self, pattern: Pattern, elastic: int, *, ball: bool = False) -> None:
         import cvxpy  # here: importing it takes two seconds
@@ -259,7 +259,7 @@ class ConvexSubproblem:
         solution = clarabel.DefaultSolver(P, self._linear.fill(numbers), A, b, cones, settings).solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
             name = "criticality" if hessian is None else "step"
-            raise SolverFailed(f"{name}: Clarabel must end with Solved, got {solution.status}")
+            raise SolverFailed(f"{name}: Clarabel's status must be Solved, got {solution.status}")
         x, dual = np.array(solution.x), np.array(solution.z)
         multipliers = np.zeros(self._rows)
         multipliers[near] = dual[: len(near)] / scales[near]

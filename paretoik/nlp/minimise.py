@@ -57,7 +57,7 @@ def minimise(
     """Return the local minima that points lead to.
 
         minimise    weights · F(x)
-        subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper (F itself without rows),  F(x) ≤ the program's own bounds
+        subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper (rows = I by default),  F(x) ≤ the program's own bounds
 
     options: settings of the solver, common or one per point
     solver: solver; "auto" is the interior-point method if the program has a kernel, else SQP

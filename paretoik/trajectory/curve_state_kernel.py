@@ -4,7 +4,8 @@ The derivatives are by the state of the motion's spline.
 
 A motion is its spline s projected onto the path (``task.joint_curve``) along the columns of D = W² J(s)ᵀ, W the joint
 scales: q = s + D λ, so that the path equations g(q, t), ġ and g̈ are 0. With G = (J D)⁻¹, K = D G, Π = I − K J,
-B = ∂ġ/∂q and C = ∂g̈/∂q the implicit function theorem gives changes δ, from those δq₀, δq̇₀ and δq̈₀ for fixed λ,
+B = ∂ġ/∂q and C = ∂g̈/∂q the implicit function theorem gives the following changes δ. Those with index 0 are changes
+with the multiplier of the same order fixed.
 
     δq₀ = δs + δD λ,                     δq = Π δq₀,                       δλ = −G J δq₀,
     δq̇₀ = δṡ + δ(D λ)˙ + Ḋ δλ,           δq̇ = Π δq̇₀ − K B δq,              δλ̇ = −G (J δq̇₀ + B δq),
@@ -140,6 +141,7 @@ def linearise_instants(curve, work):
     jacobian, velocity, acceleration = work.bends[0], work.bends[1], work.bends[2]
     turn, bend = work.directions[1].transpose((1, 2, 0)), work.directions[2].transpose((1, 2, 0))
     _write_gains(jacobian, work.directions, inverse, gains)
+    # δ(s + D λ), δ(ṡ + (D λ)˙) and δ(s̈ + (D λ)¨) with multipliers fixed
     for o in range(3):
         for p in range(instants):
             places[o * n : (o + 1) * n, p] = work.spline[o, p]
@@ -151,15 +153,18 @@ def linearise_instants(curve, work):
     for i in range(n):
         held[0, i, i] += 1.0
         free[i, i] = 1.0
+    # δq = Π δq₀, δλ = −G J δq₀
     rates[:], moves[:] = 0.0, 0.0
     _add_product(gains[0], jacobian, -1.0, free)
     _add_product(free, held[0], 1.0, rates[0])
     _add_bend(inverse, jacobian, -1.0, held[0], along, moves[0])
+    # δq̇₀ gets Ḋ δλ; δq̇ = Π δq̇₀ − K B δq, δλ̇ = −G (J δq̇₀ + B δq)
     _add_product(turn, moves[0], 1.0, held[1])
     _add_product(free, held[1], 1.0, rates[1])
     _add_bend(gains[0], velocity, -1.0, rates[0], along, rates[1])
     _add_bend(inverse, jacobian, -1.0, held[1], along, moves[1])
     _add_bend(inverse, velocity, -1.0, rates[0], along, moves[1])
+    # δq̈₀ gets D̈ δλ + 2 Ḋ δλ̇; δq̈ = Π δq̈₀ − K (C δq + 2 B δq̇), δλ̈ = −G (J δq̈₀ + C δq + 2 B δq̇)
     _add_product(bend, moves[0], 1.0, held[2])
     _add_product(turn, moves[1], 2.0, held[2])
     _add_product(free, held[2], 1.0, rates[2])
@@ -302,9 +307,8 @@ def curve_multipliers(curve, work, gradient, multipliers):
 def _write_twist(curve, work):
     """Write the mixed derivatives of P by the spline's state and λ, times ∂λ by this state.
 
-    P is the second derivative by time of
-    ρᵀ W² Jᵀ λ, if ρ, ρ̇ and ρ̈ are r₂, r₁ / 2 and r₀. With L = ∂λ/∂s and U = ∂(J ρ)/∂s, it is the symmetric part of
-    (2 Uᵀ L)⁽ᵒ⁾.
+    P is the second derivative by time of ρᵀ W² Jᵀ λ, if ρ, ρ̇ and ρ̈ are r₂, r₁ / 2 and r₀. With L = ∂λ/∂s and
+    U = ∂(J ρ)/∂s, the result is the symmetric part of (2 Uᵀ L)⁽ᵒ⁾.
     """
     _, instants, n, rows = work.directions.shape
     places, slopes = np.empty((6 * n, instants)), np.empty((3, rows, n, instants))

@@ -88,7 +88,7 @@ class WholeFunction:
     def linearise(
         self, u: Float[np.ndarray, " inputs"], parts: np.ndarray, by_columns: sparse.csr_array, column: int
     ) -> tuple[np.ndarray, list[np.ndarray], list[sparse.csr_array], list[Cone]]:
-        """Return the gradient by columns, ties, rows of ties, and cones.
+        """Return (gradient by the columns, ties, Jacobian rows of ties, cones).
 
         ``by_columns`` has the derivatives of u (inputs, columns). Epigraph variables begin at ``column``.
         """
@@ -131,7 +131,7 @@ class WholeFunction:
 
 
 def whole_function(tape: Tape, name: str, value: object) -> WholeFunction:
-    """Return the function that was traced with all u as inputs."""
+    """Return the ``WholeFunction`` of a value traced with all u as inputs."""
     entry, count = as_entry(tape, value), len(tape.inputs)
     norm, zero = norm_terms(tape, entry), tape.constant(0.0)
     # one group for all smooth addends, and one for the pieces of each addend with kinks
@@ -179,7 +179,7 @@ def whole_function(tape: Tape, name: str, value: object) -> WholeFunction:
 
 @dataclass(frozen=True, kw_only=True)
 class Total:
-    """A number of the whole motion, at most ``upper``; ``index`` counts those of its kind."""
+    """A number of the whole motion, at most ``upper``; ``index`` is its index within its kind."""
 
     name: str
     kind: Literal["sum", "peak", "whole"]

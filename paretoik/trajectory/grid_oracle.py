@@ -178,7 +178,7 @@ class PostureGrid:
     scales: Float[np.ndarray, " dof"]  # units of joint distances
 
     def step(self, later: np.ndarray, before: np.ndarray) -> np.ndarray:
-        """Return the shortest way of every joint between postures."""
+        """Return every joint's shortest displacement between postures."""
         return wrap_difference(later - before, self.turning)
 
     def edges(self, i: int) -> tuple[np.ndarray, np.ndarray]:

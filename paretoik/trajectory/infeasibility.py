@@ -172,7 +172,7 @@ def _violations(level: MotionTask, q: JointPaths) -> Float[np.ndarray, " motions
 def _limits_program(level: MotionTask) -> MotionProgram | None:
     """Return the program of a task's limits, if there is one.
 
-    A limit without derivative, or on a function of the whole motion, has no program.
+    Limits without a derivative, or on functions of the whole motion, have no program.
     """
     try:
         program = motion_program(replace(level, objectives=(squared_velocity,)))

@@ -358,8 +358,8 @@ def _reflect(x, v, begin, square):
 def retract_motion(track, inputs, q, normal, triangle, tracked):
     """Move q (time, dof) back onto the path; return whether it succeeded.
 
-    Newton's method moves each sample along ``normal``; it must converge for all samples. It fails if a sample crosses
-    a fold to another sheet of the self-motion manifold.
+    Newton's method, q ← q − Y (J Y)⁻¹ g with the columns Y of ``normal``, must converge for all samples. It fails if a
+    sample crosses a fold to another sheet of the self-motion manifold.
     """
     samples, n, rows = normal.shape
     matrix, right = np.empty((rows, rows)), np.empty(rows)

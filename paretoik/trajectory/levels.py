@@ -83,7 +83,7 @@ def explained_interruption(
 
 
 def at_samples(task: MotionTask, motion: Motion) -> Motion:
-    """Return a coarser level's motion at the task's samples, or itself if it leaves the path there."""
+    """Return a coarser level's motion at the task's samples, or as it is if it leaves the path there."""
     if motion.q.shape[-2] == len(task.times):
         return motion
     try:
@@ -207,6 +207,7 @@ def refine_levels(
         exact = finer is None or (disturb is not None and program is disturbed[0])
         barriers = [each if exact else coarse(each) for each in (OPTIONS.cold if first else (OPTIONS.warm,))]
         try:
+            # the minima of all starts
             more = None if further is None else further(program, q, None if coarser is None else coarser[1])
             solutions, q = _solve_level(program, q, weights, upper, solver, barriers, more)
             ends = solutions
@@ -220,6 +221,7 @@ def refine_levels(
                     solutions = minimise(*held, OPTIONS.holding, solver=solver)
         except Interrupted as stop:
             return _unfinished(programs[-1], weights, (program, stop.partial), coarser), tuple(levels)
+        # the distinct minima, and those found from perturbed ones
         limit = max_optima if finer else len(solutions)
         solutions = solutions[distinct_rows(task, solutions, solutions.objectives @ weights, limit=limit)]
         if disturb is not None and program is disturbed[0]:
@@ -230,7 +232,7 @@ def refine_levels(
             observe(level_progress(task, q, ends, solutions))
         if restore and first and not solutions.converged.any():
             break
-        if finer:
+        if finer:  # the starts of the next level
             q, coarser = resample(task, solutions.x, finer.task), (program, solutions)
     return solutions, tuple(levels)
 

@@ -308,7 +308,7 @@ class MotionTerms:
     def limit_values(
         self, inputs: Float[np.ndarray, "inputs instants"], values: Float[np.ndarray, "functions instants"]
     ) -> tuple[Float[np.ndarray, " inequalities"], Float[np.ndarray, " ties"]]:
-        """Return limits, divided by their ranges, and ties from function values."""
+        """Return the values of limits, divided by their ranges, and of ties."""
         every = np.concatenate([inputs[self.variables], values[self.sums :]])
         row, sample = self.limited.T
         limits = self.sides * (every[row, sample] - self.bounds)

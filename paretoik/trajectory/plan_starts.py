@@ -201,6 +201,7 @@ def disturb_best(
     task, failures, centers = program.task, 0, solutions.x[:0]
     for _ in range(OPTIONS.final_rounds):
         before, best = float(solutions.objectives[0, 0]), solutions.x[: OPTIONS.centers]
+        # starts: the best optima that were no centers yet, with high barriers, and perturbed optima
         far = [not len(centers) or joint_distance(task, x, centers).min() > LEVELS.distinct for x in best]
         others = best[np.array(far)]
         centers = np.concatenate([centers, others])
@@ -211,7 +212,8 @@ def disturb_best(
             break
         rough = minimise(program, x, np.eye(1, len(program.upper)), options=options, solver=solver)
         rough = rough[distinct_rows(task, rough, rough.objectives[:, 0], limit=len(rough))]
-        values, known = solutions.objectives[:, 0], list[bool]()  # known: near a solution with about the same value
+        # new optima are refined; known ones are near a solution with about the same value
+        values, known = solutions.objectives[:, 0], list[bool]()
         for one, value in zip(rough.x, rough.objectives[:, 0], strict=True):
             near = np.abs(values - value) <= OPTIONS.value * np.abs(values)
             known.append(bool(np.any(near & (joint_distance(task, one, solutions.x) <= OPTIONS.distance))))

@@ -90,6 +90,7 @@ def hold_between(
             weights = OPTIONS.weight + np.eye(n_obj)[0]
             if np.isfinite(found).all():
                 weights = np.maximum(found / found.sum(), OPTIONS.least_weight)
+        # bounds moved inwards by excess + margin, or by a share of it if there is no such motion
         before = current.bounds
         bounds = _tightened_bounds(program, current.x, before, margin)
         for share in OPTIONS.shares:
@@ -111,7 +112,7 @@ def hold_all(
     solver: Solver = "auto",
     observe: Callable[[int, int], object] | None = None,
 ) -> list[HeldMotion]:
-    """Return motions as ``hold_between`` does; after a signal the remaining ones unchanged.
+    """Return motions as ``hold_between`` does; after a signal, the others unchanged.
 
     ``observe`` is called with the number of finished motions and of all motions.
     """
@@ -134,7 +135,7 @@ def hold_all(
 
 
 def _hold_values(program: MotionProgram, item: tuple[np.ndarray, int, Solver]) -> Values:
-    """Return a held motion as plain arrays, also in a worker."""
+    """Return the result of ``hold_between`` as plain arrays; workers call this."""
     x, n_obj, solver = item
     held = hold_between(program, x, n_obj, solver=solver)
     return {"x": held.x, "bounds": held.bounds, "violation": np.asarray(held.violation)}

@@ -33,7 +33,7 @@ REFUSED = {
     "in place, of a part": (lambda q, v, r: (q * 2)[..., 0].__imul__(1.0), "np.multiply would change an array"),
     "in place, of numbers": (lambda q, v, r: PLAIN.__iadd__(q), "np.add would change an array in place"),
     "asarray": (lambda q, v, r: np.asarray(q), "cannot become plain numbers"),
-    "array": (lambda q, v, r: np.array([q[..., 0], q[..., 1]]), "np.stack for np.array"),
+    "array": (lambda q, v, r: np.array([q[..., 0], q[..., 1]]), "np.stack instead of np.array"),
     "complex by the sample": (lambda q, v, r: q * TABLE.astype(complex), "real numbers .* got complex128"),
     "whole numbers": (lambda q, v, r: q.astype(int), r"astype\(int64\) has no derivative here"),
     "other joints": (lambda q, v, r: q[..., 3], "index 3 is out of bounds"),

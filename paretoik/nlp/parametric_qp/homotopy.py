@@ -208,7 +208,7 @@ def factorised(work):
 
 
 class WorkingSet(NamedTuple):
-    """K, factorised, and the rows in its Schur complement."""
+    """The factors of K, and the rows of the Schur complement."""
 
     banded: BorderedMatrix  # K with only the sparse rows
     full: BorderedMatrix  # K with all rows: its band is as wide as the matrix
@@ -493,7 +493,7 @@ def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, 
 
 @compiled
 def _follow(program, work, homotopy, scale, options):
-    """Follow the optimum to the true data or its end; return the homotopy's share and the number of changes."""
+    """Follow the optimum to the true data, or until it ends; return the homotopy's share and changes."""
     share, changes = 0.0, 0
     if not factorise_working_set(program, work, scale):
         return share, changes
