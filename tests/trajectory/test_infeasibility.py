@@ -51,7 +51,7 @@ def test_an_obstacle_on_the_path_is_blamed_by_number_and_link():
     assert error.limit == "clearance"
     assert "between link 3 and obstacle 2, a circle" in str(error)
     assert re.search(
-        r"no motion can satisfy the limits \(proved: no posture at sample \d+, [\d.]+ s, does\)", str(error)
+        r"no motion can satisfy the limits \(proved: no posture at sample \d+, [\d.]+ s, satisfies them\)", str(error)
     )
     assert re.search(
         r"; none of \d+ postures tried at sample \d+ satisfies the limits; it may help: obstacles", str(error)
