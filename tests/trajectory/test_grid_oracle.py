@@ -218,5 +218,5 @@ def test_a_grid_too_large_for_memory_is_refused(monkeypatch):
 def test_limits_that_no_way_keeps_are_named_with_the_sample():
     with pytest.raises(Infeasible, match=r"no posture satisfies the limits at sample \d+"):
         grid_oracle(task_of(short(11), limits=Limits(position=0.05)), resolution=0.1)
-    with pytest.raises(Infeasible, match=r"comes to sample \d+ of 11 .* within the limits"):
+    with pytest.raises(Infeasible, match=r"reaches sample \d+ of 11 .* within the limits"):
         grid_oracle(task_of(short(11), limits=Limits(velocity=0.05)), resolution=0.01)
