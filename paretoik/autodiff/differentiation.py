@@ -98,7 +98,7 @@ def dependencies(tape: Tape, outputs: Sequence[int]) -> list[int]:
 def gradient(tape: Tape, output: int, wrt: Sequence[int]) -> list[int]:
     """Return the entries of ∂output/∂input for each input of ``wrt``."""
     adjoint: dict[int, int] = {output: tape.constant(1.0)}
-    masked: set[int] = set()  # entries behind a piece that may be inactive; their derivatives may be inf or NaN
+    masked: set[int] = set()  # entries in a piece that may be inactive; their derivatives may be inf or NaN
     for i in reversed(dependencies(tape, [output])):
         seed = adjoint.get(i)
         if seed is None:

@@ -18,12 +18,12 @@ from paretoik.autodiff.differentiation import dependencies
 from paretoik.autodiff.opcodes import NO_OPERAND, Fused, Op
 from paretoik.autodiff.tape import Tape
 
-BLOCK_SIZE = 128  # points: smaller blocks spend more time reading instructions, larger ones exceed the cache
+BLOCK_SIZE = 128  # number of points: smaller blocks spend more time on reading code, larger ones exceed the cache
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluator:
-    """Instructions (op, target, operands) on registers: first the used ``inputs``, then the constants."""
+    """Instructions (op, target, operands) on registers; the first registers have inputs, then constants."""
 
     code: Int[np.ndarray, "instructions 5"]
     constants: Float[np.ndarray, " constants"]
@@ -73,7 +73,7 @@ def compile_evaluator(tape: Tape, outputs: Sequence[int]) -> Evaluator:
                 register[target], count = count, count + 1
         registers = [register[targets[0]], *(register[k] for k in operands), *(register[k] for k in targets[1:])]
         code.append((op, *registers, *[0] * (4 - len(registers))))
-        # Registers are freed only now: targets and operands of an instruction must not overlap.
+        # registers are freed only now, because targets and operands of an instruction must not overlap
         free += [register[k] for k in dict.fromkeys(operands) if last_use[k] == i and tape.entries[k][0] > Op.INPUT]
     return Evaluator(
         code=np.array(code, dtype=np.int32).reshape(-1, 5),

@@ -14,8 +14,8 @@ from paretoik.compilation.numba_cache import c_function, carray, compiled
 
 # Sine and cosine of many numbers at once, without branches, so that the compiler can vectorise them.
 #
-# Reduction by multiples of π/2 in two parts, then the polynomials of fdlibm's kernels (Sun Microsystems 1993). The
-# error is at most one unit in the last place, or 1e-20 if that is more.
+# Angles are reduced by multiples of π/2, which has two parts, then the polynomials of fdlibm's kernels are used (Sun
+# Microsystems 1993). The error is at most one unit in the last place, or 1e-20 if that is more.
 
 
 MAX_REDUCED = 1e5  # rad: the reduction keeps all digits up to here; above it, math.sin and math.cos are used
@@ -30,7 +30,7 @@ C4, C5, C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.1359647
 
 @compiled
 def sines_and_cosines(sine, cosine, x, n):
-    """Write the sines and the cosines [rad] of the first ``n`` angles."""
+    """Write the sines and cosines of the first ``n`` angles [rad]."""
     if _exceeds_reduction(x, n):
         for k in range(n):
             sine[k], cosine[k] = math.sin(x[k]), math.cos(x[k])
@@ -41,7 +41,7 @@ def sines_and_cosines(sine, cosine, x, n):
 
 @compiled
 def sines(to, x, n):
-    """Write the sines [rad] of the first ``n`` angles."""
+    """Write the sines of the first ``n`` angles [rad]."""
     if _exceeds_reduction(x, n):
         for k in range(n):
             to[k] = math.sin(x[k])
@@ -52,7 +52,7 @@ def sines(to, x, n):
 
 @compiled
 def cosines(to, x, n):
-    """Write the cosines [rad] of the first ``n`` angles."""
+    """Write the cosines of the first ``n`` angles [rad]."""
     if _exceeds_reduction(x, n):
         for k in range(n):
             to[k] = math.cos(x[k])
@@ -139,7 +139,7 @@ def run_block(code, registers, n):
 
 @compiled
 def _piecewise_operation(op, to, a, b, c, registers, n):
-    """Execute a choice, maximum, minimum or comparison: loops without branches, which are vectorised."""
+    """Execute a choice, maximum, minimum or comparison in loops without branches, which are vectorised."""
     if op == WHERE:
         for k in range(n):
             registers[to, k] = registers[b, k] if registers[a, k] != 0.0 else registers[c, k]

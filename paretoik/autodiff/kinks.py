@@ -53,7 +53,7 @@ def copy_entries(source: Tape, outputs: Sequence[int], target: Tape, inputs: Map
 
 
 def smooth_pieces(tape: Tape, i: int, sense: int = 1) -> list[int]:
-    """Return entries whose maximum, for ``sense`` 1, or minimum, for −1, is entry i; only i if it is smooth.
+    """Return the smooth entries whose maximum (``sense`` 1) or minimum (−1) is entry i; [i] if it is smooth.
 
     Maxima, minima and absolute values are expanded, also within sums and multiples, up to 64 pieces of a sum.
     """
@@ -140,10 +140,9 @@ NONSMOOTH = frozenset({Op.ABSOLUTE, Op.MAXIMUM, Op.MINIMUM})
 class KinkOptions:
     """Tolerances of kinks.
 
-    rounding: derivatives and differences of values below this share of the largest count as 0
-    jump: largest difference between the pieces of a choice at the place where its condition changes, relative to its
-        values
-    bisections: number of bisections that find that place
+    rounding: largest derivative or difference that counts as 0, as a share of the largest
+    jump: largest difference of a choice's pieces at a point where its condition changes, as a share of its values
+    bisections: number of bisections that find such a point
     """
 
     rounding: float = 1e-12
@@ -256,7 +255,7 @@ def reformulate_choices(
 def remaining_kinks(
     tape: Tape, reformulation: Reformulation, excluded: Collection[int] = ()
 ) -> list[tuple[int, int, int]]:
-    """Return the kinks that a reformulation did not replace: function's number, two entries that meet.
+    """Return the kinks that a reformulation left: (index of a function, two entries that meet).
 
     Kinks of constraints count for every function that contains their variables.
     """

@@ -123,7 +123,7 @@ class Tape:
 
 
 def _operator(op: Op, *, reflected: bool = False) -> Callable[[Expression, Any], Any]:
-    """Return the method of an operation on an expression as first operand, or second if ``reflected``."""
+    """Return the method of an operation; the expression is its first operand, or second if ``reflected``."""
 
     def operate(self: Expression, other: Any) -> Any:
         if isinstance(other, np.ndarray) and other.ndim:
@@ -137,7 +137,7 @@ def _operator(op: Op, *, reflected: bool = False) -> Callable[[Expression, Any],
 
 
 class Expression:
-    """An entry of a tape as a number for NumPy's functions.
+    """An entry of a tape that NumPy's functions treat as a number.
 
     Raises InvalidInput if code needs its value, as ``if``, ``float`` and unsupported functions do.
     """
@@ -149,7 +149,7 @@ class Expression:
         self.index = index
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **settings: Any) -> Any:
-        """Apply a NumPy function of numbers on the tape, element by element for arrays of objects."""
+        """Apply a ufunc on the tape, element by element for arrays of objects."""
         if method != "__call__" or settings:
             raise InvalidInput(f"np.{ufunc.__name__}.{method} must be a plain call where derivatives are taken")
         if any(isinstance(value, np.ndarray) and value.ndim for value in inputs):
@@ -178,9 +178,7 @@ class Expression:
         raise InvalidInput("a comparison cannot decide an `if` where derivatives are taken; use np.where")
 
     def __float__(self) -> float:
-        raise InvalidInput(
-            "a plain number was asked of a value that derivatives are taken of; use only NumPy functions"
-        )
+        raise InvalidInput("a value whose derivatives are taken cannot become a plain number; use only NumPy functions")
 
 
 def as_entry(tape: Tape, value: Any) -> int:
@@ -188,7 +186,7 @@ def as_entry(tape: Tape, value: Any) -> int:
     if isinstance(value, np.ndarray):
         value = value[()]
     if isinstance(value, Expression):
-        assert value.tape is tape, "expressions of two tapes met"
+        assert value.tape is tape, "expressions must be of one tape"
         return value.index
     if not isinstance(value, float | int | np.bool_ | np.integer | np.floating):
         raise InvalidInput(f"values must be real numbers where derivatives are taken, got {shown(value)}")
@@ -251,7 +249,7 @@ BOOLEAN = COMPARISONS | {"logical_and", "logical_or", "logical_not", "bitwise_an
 
 
 def apply_ufunc(tape: Tape, name: str, operands: Sequence[Any]) -> Any:
-    """Return the result of NumPy's function ``name`` of numbers and expressions on a tape.
+    """Return the result of the ufunc ``name`` for numbers and expressions on a tape.
 
     Raises InvalidInput, naming the function, if its derivative is not known.
     """
@@ -269,10 +267,12 @@ def apply_ufunc(tape: Tape, name: str, operands: Sequence[Any]) -> Any:
         return np.sqrt(base) if number == 0.5 else Expression(tape, tape.apply(Op.POWER, base.index, exponent.index))
     op = ELEMENTARY.get(name)
     if op is None:
-        raise InvalidInput(f"np.{name} has no derivative here; those that have: {', '.join(differentiable_ufuncs())}")
+        raise InvalidInput(
+            f"np.{name} has no derivative here; functions that have one: {', '.join(differentiable_ufuncs())}"
+        )
     return Expression(tape, tape.apply(op, *(value.index for value in arguments)))
 
 
 def differentiable_ufuncs() -> list[str]:
-    """Return the names of differentiable NumPy functions of numbers."""
+    """Return the names of differentiable ufuncs."""
     return sorted({*ELEMENTARY, *COMPOSED, "power"})

@@ -26,7 +26,7 @@ class NotLocal(InvalidInput):
 
 
 class Trace:
-    """A tape and its ``parameters``: inputs with known numbers (samples,) that differ between samples."""
+    """A tape and its ``parameters``: inputs with known values (samples,) that differ between samples."""
 
     def __init__(self, samples: int | None) -> None:
         self.tape = Tape()
@@ -131,17 +131,17 @@ class TracedArray(NDArrayOperatorsMixin):
         return self.shape[0]
 
     def __bool__(self) -> bool:
-        raise InvalidInput("an `if` cannot depend on a number whose derivative is taken; use np.where")
+        raise InvalidInput("an `if` cannot depend on a number whose derivatives are taken; use np.where")
 
     def __array__(self, *args: Any, **settings: Any) -> np.ndarray:
         raise InvalidInput(
-            "plain numbers were asked of an array that derivatives are taken of; use only NumPy functions, "
-            "and np.stack for np.array"
+            "an array whose derivatives are taken cannot become plain numbers; use only NumPy functions, and np.stack "
+            "instead of np.array"
         )
 
     def _refuse_number(self, *args: Any) -> Any:
         raise InvalidInput(
-            "a plain number was asked of an array that derivatives are taken of; use only NumPy functions"
+            "an array whose derivatives are taken cannot become a plain number; use only NumPy functions"
         )
 
     __float__ = __int__ = __index__ = __complex__ = __round__ = __trunc__ = _refuse_number
@@ -155,10 +155,10 @@ class TracedArray(NDArrayOperatorsMixin):
         return rearrange("indexing", lambda numbers: numbers[key], self)
 
     def __setitem__(self, key: Any, value: Any) -> None:
-        raise InvalidInput("x[...] = y cannot be written where derivatives are taken; use np.where or np.stack")
+        raise InvalidInput("x[...] = y is not possible where derivatives are taken; use np.where or np.stack")
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **settings: Any) -> Any:
-        """Apply a NumPy function of numbers element by element; sums, products and extrema also reduce."""
+        """Apply a ufunc element by element, or reduce by add, multiply, maximum or minimum."""
         name = ufunc.__name__
         if method == "reduce" and ufunc in REDUCIBLE:
             _check_settings(f"np.{name}.reduce", settings, "axis", "keepdims")
@@ -182,7 +182,7 @@ class TracedArray(NDArrayOperatorsMixin):
         # the result is assigned to ``out``, which must share its memory with no other array
         if not isinstance(out, TracedArray) or out.shared or out.shape != result.shape:
             raise InvalidInput(
-                f"np.{name} would change an array in place that others see; use x = x + y instead of x += y"
+                f"np.{name} would change an array in place that shares memory; use x = x + y instead of x += y"
             )
         out.entries, out.is_boolean = result.entries, result.is_boolean
         return out
@@ -200,19 +200,19 @@ class TracedArray(NDArrayOperatorsMixin):
         if self.source.samples is None:
             return normalized
         if 0 in normalized:
-            raise NotLocal("looks along time")
+            raise NotLocal("uses the time axis")
         return tuple(axis - 1 for axis in normalized)
 
 
 def apply_elementwise(trace: Trace, function: Callable[..., Any], *inputs: Any) -> TracedArray:
-    """Return a function of numbers applied element by element to arrays, broadcast as in NumPy.
+    """Return the result of a function of numbers for each element of arrays, broadcast as in NumPy.
 
     Raises InvalidInput if the shapes do not match.
     """
     axes = {value.entries.ndim for value in inputs if isinstance(value, TracedArray)}
     try:
         if trace.samples is not None and len(axes) > 1:
-            raise ValueError("one's time would meet another axis of the other")
+            raise ValueError("the time axis must not meet another axis")
         parts = np.broadcast_arrays(*(entries_of(trace, value, max(axes)) for value in inputs))
     except InvalidInput:
         raise
@@ -220,7 +220,7 @@ def apply_elementwise(trace: Trace, function: Callable[..., Any], *inputs: Any) 
         shapes = " and ".join(
             str(value.shape if isinstance(value, TracedArray) else np.shape(value)) for value in inputs
         )
-        raise InvalidInput(f"arrays of shapes {shapes} do not go together, (time, ...) first") from None
+        raise InvalidInput(f"arrays of shapes {shapes} do not broadcast with time as the first axis") from None
     result = np.empty(parts[0].shape, dtype=object)
     for index in np.ndindex(result.shape):
         result[index] = function(*(part[index] for part in parts))
@@ -251,7 +251,7 @@ def entries_of(trace: Trace, value: Any, axes: int) -> np.ndarray:
 
 
 def rearrange(name: str, function: Callable[..., Any], *arrays: TracedArray) -> TracedArray:
-    """Return the result of a function that only moves elements, applied to the elements' numbers.
+    """Return the result of a function that only moves elements; it is called with their indices.
 
     Raises NotLocal if a sample gets elements of another, and InvalidInput, naming ``name``, if NumPy raises.
     """
@@ -296,7 +296,7 @@ FUNCTIONS: dict[Callable[..., Any], Callable[..., Any]] = {}
 
 
 def implements(*functions: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Register the decorated function of a trace and arguments as that of NumPy's functions."""
+    """Register the decorated function, of a trace and arguments, for NumPy's ``functions``."""
 
     def register(implementation: Callable[..., Any]) -> Callable[..., Any]:
         FUNCTIONS.update(dict.fromkeys(functions, implementation))
@@ -311,7 +311,7 @@ def apply_function(trace: Trace, function: Callable[..., Any], args: Any, settin
     traceable = FUNCTIONS.get(function)
     if traceable is None:
         others = ", ".join(sorted(_name(other) for other in FUNCTIONS))
-        raise InvalidInput(f"{name} has no derivative here; those that have: {others}")
+        raise InvalidInput(f"{name} has no derivative here; functions that have one: {others}")
     try:
         inspect.signature(traceable).bind(trace, *args, **settings)
     except TypeError as error:
@@ -323,7 +323,7 @@ def reduce_ufunc(ufunc: np.ufunc, array: TracedArray, *, axis: Any = None, keepd
     """Return an array reduced along axes, its elements in order."""
     trace, entries = array.source, array.entries
     if ufunc.identity is None and 0 in entries.shape:
-        raise InvalidInput(f"np.{ufunc.__name__} of nothing has no value")
+        raise InvalidInput(f"np.{ufunc.__name__} of an empty array has no value")
     for k in sorted(array.entry_axes(axis), reverse=True):
         rows = [TracedArray(trace, row) for row in np.moveaxis(entries, k, 0)]
         rows = rows or [TracedArray(trace, np.full(np.delete(entries.shape, k), ufunc.identity, dtype=float))]
@@ -487,7 +487,7 @@ def _align_axes(term: str, operand: Any, order: list[str]) -> Any:
 
 @implements(np.linalg.det)
 def _determinant(trace: Trace, a: TracedArray) -> TracedArray:
-    """Return the determinant by Laplace's expansion, without division and pivoting: minors of the last rows first."""
+    """Return the determinant by Laplace's expansion, from the last row up, without division or pivoting."""
     if a.shape[-1:] != a.shape[-2:-1]:
         raise InvalidInput(f"np.linalg.det must get square matrices, got shape {a.shape}")
     a.entry_axes((-2, -1))

@@ -1,9 +1,8 @@
 """Tuples of arrays that compiled functions get by reference.
 
-By value such a tuple is hundreds of arguments. Their LLVM code takes long to write and to optimise, again in every
-function that takes the tuple. A reference has the tuple's attributes, read-only; tuples within tuples are references
-too. It does not count references to the arrays. Arrays of arguments exist until a function returns; for others, the
-function that makes the reference must keep the tuple (``keep``).
+By value such a tuple is hundreds of arguments, and functions that take it compile slowly. A reference has the tuple's
+attributes, read-only; tuples within tuples are references too. A reference does not keep the arrays alive. Arrays of
+arguments live until a function returns; other tuples must be kept (``keep``) by the function that makes the reference.
 """
 
 from __future__ import annotations
@@ -63,7 +62,7 @@ def refer(typing_context: Any, target: Any) -> Any:
 
 @intrinsic
 def keep(typing_context: Any, target: Any) -> Any:
-    """Do nothing with a tuple, which therefore exists until this line."""
+    """Keep a tuple's arrays alive until this line."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return context.get_dummy_value()

@@ -1,11 +1,12 @@
-"""Compiles functions with numba and caches them on disk.
+"""Compile functions with numba and cache them on disk.
 
-Compilation happens once per machine, does not stop other threads, and is announced if it takes long; other processes
-that need the same function wait for it. A function with
-``@compiled`` has two variants with the same bits: one for calls from compiled functions, which has no wrappers and is
-not specialised by literal arguments, and one for calls from Python. This one is compiled at its first call, with all
-functions that it calls, and cached in the package's folder, else in the user's, else in a temporary one. A function
-with ``@c_function`` is linked by its address: its callers do not optimise its code again.
+Compilation happens once per machine, does not stop other threads, and is announced if it takes long. Other processes
+that need the same function wait for it.
+
+A function with ``@compiled`` has two variants with the same results. The one for compiled callers has no wrappers and
+is not specialised by literal arguments. The one for Python is compiled at its first call, with all functions that it
+calls, and cached in the package's folder, else in the user's, else in a temporary one. A function with ``@c_function``
+is linked by its address: its callers do not optimise its code again.
 
 Several classes below inherit from private classes of numba: pyproject.toml has the newest tested version.
 """
@@ -80,7 +81,7 @@ class InnerLibrary(_Library):
         return 0
 
     def _get_module_for_linking(self) -> Any:
-        """Return the code linked with all functions that it calls, for libraries of numba's own."""
+        """Return the code linked with all functions that it calls, for numba's own libraries."""
         self._ensure_finalized()
         if self._shared_module is None:
             module = self.module_alone().clone()
@@ -138,7 +139,7 @@ class _DeferredCodegen:
 
 
 def linked_libraries(libraries: list[Any]) -> list[Any]:
-    """Return libraries and all that inner ones call, callers first, each once.
+    """Return libraries and all those that inner ones call, callers first, each once.
 
     LLVM links a function with several definitions only if code that was linked before refers to it.
     """
@@ -203,8 +204,9 @@ inlined = numba.njit(inline="always", nogil=True, error_model="numpy")
 def compiled(function: Any = None, *, what: str = "", seconds: float | None = None, level: int = 1) -> Any:
     """Return a function that is compiled at its first call with each combination of argument types.
 
-    Before a compilation a notice names its purpose, ``what``, and its approximate time, ``seconds``. ``level`` is the
-    optimisation level of LLVM, at most 3, if Python calls the function.
+    what: purpose of the function, for the notice before a compilation
+    seconds: approximate time of a compilation, for the notice
+    level: optimisation level of LLVM, at most 3, if Python calls the function
     """
     if function is None:
         return lambda decorated: compiled(decorated, what=what, seconds=seconds, level=level)
@@ -296,7 +298,7 @@ class _CacheImpl(CompileResultCacheImpl):
 
 
 class _Cache(FunctionCache):
-    """The cache of a function with all that it calls; a process that compiles it locks it for the others."""
+    """The cache of a function with all that it calls; a process locks it while it compiles."""
 
     _impl_class = _CacheImpl
 
@@ -308,7 +310,7 @@ class _Cache(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         overload = self._load(sig, target_context)
         if overload is None:
-            begin_compilation()  # the clock stops
+            begin_compilation()  # the clock of time limits stops
             with suppress(OSError):  # a folder without locks: several processes may compile
                 self._impl.locator.ensure_cache_path()
                 path = Path(self.cache_path) / f"{self._impl.filename_base}.lock"
@@ -320,7 +322,7 @@ class _Cache(FunctionCache):
         return overload
 
     def unlock(self) -> None:
-        """Let other processes load or compile the function."""
+        """Release the lock: other processes can then load or compile the function."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
@@ -328,7 +330,7 @@ class _Cache(FunctionCache):
     def _load(self, sig: Any, target_context: Any) -> Any:
         try:
             return super().load_overload(sig, target_context)
-        except (ImportError, AttributeError, EOFError, pickle.UnpicklingError):  # cut off, or with a former class
+        except (ImportError, AttributeError, EOFError, pickle.UnpicklingError):  # cut off, or of a former class
             self.flush()
             return None
 

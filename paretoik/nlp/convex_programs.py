@@ -27,7 +27,7 @@ from paretoik.nlp.program import CLARABEL_TOLERANCE
 # E_p are symmetric matrices of unit length; ``symmetric_basis`` returns them.
 
 
-GAP_TOLERANCE = 1e-11  # share of the mean squared error: errors are exact to about its square root
+GAP_TOLERANCE = 1e-11  # share of the mean squared error; errors are exact to about its square root
 
 
 def symmetric_basis(size: int) -> Float[np.ndarray, "parts size size"]:
@@ -72,7 +72,7 @@ def fit_inverse_squares(
         warnings.simplefilter("ignore", UserWarning)  # an inaccurate solution is judged by its status
         problem.solve(solver=cvxpy.CLARABEL, **tolerances)
     if problem.status not in (cvxpy.OPTIMAL, cvxpy.OPTIMAL_INACCURATE):
-        raise SolverFailed(f"ellipsoid fit: Clarabel must end with optimal, got {problem.status}")
+        raise SolverFailed(f"ellipsoid fit: Clarabel's status must be optimal, got {problem.status}")
     return np.array(coefficients.value)
 
 
@@ -90,10 +90,11 @@ def fit_inverse_squares(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pieces:
-    """Vectors whose lengths are the pieces' times; they are linear in the moves of their ends.
+    """Vectors whose lengths are the times of pieces; they are linear in the moves of end points.
 
     values: vectors of the path as it is [s]
-    before, after: derivatives by the first and the last point of a piece [s/m]
+    before: derivatives by the first point of a piece [s/m]
+    after: derivatives by the last point of a piece [s/m]
     """
 
     values: Float[np.ndarray, "pieces task"]
@@ -110,7 +111,7 @@ class Moves:
 
 
 class IntervalSolver:
-    """The program for at least 2 pieces and ``task`` task coordinates; its solver is reused."""
+    """The program for at least 2 pieces and ``task`` task coordinates; it reuses its solver."""
 
     def __init__(self, pieces: int, task: int, *, common: bool = True) -> None:
         self._pieces, self._task, self._unknowns = pieces, task, (pieces - 1) * task
@@ -119,7 +120,7 @@ class IntervalSolver:
         self._settings.presolve_enable = False  # presolve could drop rows; then data could not be updated
         self._settings.tol_gap_abs = self._settings.tol_gap_rel = self._settings.tol_feas = CLARABEL_TOLERANCE
         self._solver: clarabel.DefaultSolver | None = None
-        # places of entries: both sides of the box, intervals, ``before`` and ``after``
+        # rows and columns of entries: both sides of the box, intervals, ``before`` and ``after``
         unknowns = self._unknowns
         index = np.arange(unknowns)
         first = 2 * unknowns + np.arange(pieces) * (task + 1)  # row of each piece's cone
@@ -139,7 +140,7 @@ class IntervalSolver:
     def solve(
         self, pieces: Pieces, lower: Float[np.ndarray, "between task"], upper: Float[np.ndarray, "between task"]
     ) -> Moves:
-        """Return the best moves between ``lower`` ≤ 0 and ``upper`` ≥ 0 [m], which are finite.
+        """Return the best moves [m] between finite ``lower`` ≤ 0 and ``upper`` ≥ 0.
 
         Raises SolverFailed if Clarabel finds none.
         """
@@ -149,9 +150,9 @@ class IntervalSolver:
         scaled = length / time
         entries = (self._fixed, -scaled * pieces.before[1:].ravel(), -scaled * pieces.after[:-1].ravel())
         matrix = np.concatenate(entries)[self._order]
-        tops = np.zeros((self._pieces, self._task + 1))
-        tops[:, 1:] = pieces.values / time
-        right = np.concatenate([upper.ravel() / length, -lower.ravel() / length, tops.ravel()])
+        offsets = np.zeros((self._pieces, self._task + 1))
+        offsets[:, 1:] = pieces.values / time
+        right = np.concatenate([upper.ravel() / length, -lower.ravel() / length, offsets.ravel()])
         if self._solver is None:
             columns = len(self._linear)
             table = sparse.csc_matrix((matrix, self._rows, self._begins), shape=(len(right), columns))
@@ -161,7 +162,7 @@ class IntervalSolver:
             self._solver.update(A=matrix, b=right)
         solution = self._solver.solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
-            raise SolverFailed(f"minimum-time cone program: Clarabel must end with Solved, got {solution.status}")
+            raise SolverFailed(f"minimum-time cone program: Clarabel's status must be Solved, got {solution.status}")
         x = np.array(solution.x)
         return Moves(
             moves=x[: self._unknowns].reshape(-1, self._task) * length,
@@ -178,13 +179,13 @@ def furthest(
     high: Float[np.ndarray, " columns"],
     direction: Float[np.ndarray, " task"],
 ) -> tuple[float, Float[np.ndarray, " columns"]]:
-    """Return the directional maximum v of sums of columns, and the multiples x that reach it.
+    """Return the directional maximum v of columns · x, and the x that reaches it.
 
         maximise    v
         subject to  columns · x = v · direction,  low ≤ x ≤ high,  v ≥ 0
 
-    SciPy's HiGHS solves it: its simplex ends on a vertex, exact to rounding; interior points stop short of it. Raises
-    SolverFailed if there is no such point or v is unbounded.
+    SciPy's HiGHS solves it by the simplex method, which ends on a vertex, exact to rounding. Raises SolverFailed if
+    there is no such point or v is unbounded.
     """
     scale = np.maximum(np.abs(low), np.abs(high))
     scale = np.where(scale > 0, scale, 1.0)
@@ -198,5 +199,5 @@ def furthest(
         method="highs-ds",
     )
     if solution.status != 0:
-        raise SolverFailed(f"furthest: HiGHS must end with an optimum, got {solution.message}")
+        raise SolverFailed(f"directional maximum: HiGHS found no optimum: {solution.message}")
     return float(solution.x[-1]) * size, solution.x[:-1] * scale

@@ -9,19 +9,19 @@ subject to  c + J d + t ≥ 0       elastic inequalities: violated by at most t,
             ‖values + rows d‖ ≤ d[column] + ‖values‖     cones
             t ≥ 0
 
-Sequential quadratic programming solves it as it is. The criticality (``nlp.criticality``) is its special case without
-gᵀd + ½ dᵀHd: the trust region is a ball and t is free.
+Sequential quadratic programming solves it as it is. In the criticality (``nlp.criticality``) there is no gᵀd + ½ dᵀHd,
+the trust region is a ball, and t may be negative.
 
-It is canonicalised once for each pattern: the structure of a program, which does not depend on numbers that happen to
-be 0. The numbers of this statement are 2, 3, 4, …: in cvxpy's canonical form
+It is canonicalised once for each pattern (the structure of a program), with the placeholders 2, 3, 4, … as its numbers.
+cvxpy's canonical form is
 
 minimise    ½ xᵀPx + qᵀx
 subject to  b − Ax ∈ K, a product of zero, nonnegative and second-order cones
 
-each entry of q, A and b is one of them, with its sign, or a constant 0 or ±1, so it says where every number stands.
-Parameters would say it too, but cvxpy needs memory for each pair of a Parameter's number and a variable: 6 GB for a
-Panda's motion of 81 samples. Each solution fills its own numbers in, leaves out the inequalities that no step within
-the trust region reaches, and runs Clarabel on the rest. Tests compare it with cvxpy's ``solve``.
+Each entry of q, A and b is a placeholder with a sign, or a constant 0 or ±1, so it tells which number belongs there.
+cvxpy's Parameters would do the same, but need memory for each pair of a number and a variable: 6 GB for a Panda's
+motion of 81 samples. Each solution puts its own numbers in, leaves out the inequalities that no step within the trust
+region reaches, and runs Clarabel on the rest. Tests compare it with cvxpy's ``solve``.
 Source: Nocedal & Wright, Numerical Optimization, section 18.5, with the largest violation as penalty.
 """
 
@@ -65,7 +65,7 @@ class Statement(NamedTuple):
 
 
 def state(pattern: Pattern, elastic: int, hessian: sparse.csr_array | None, values: Iterator[float]) -> Statement:
-    """Return the statement for a pattern, with the next of ``values`` as its numbers, as in ``statement_values``."""
+    """Return the statement for a pattern; ``values`` are its numbers, in the order of ``statement_values``."""
     import cvxpy  # here: importing it takes two seconds
 
     (rows, columns), unknowns = pattern.jacobian.shape, pattern.unknowns
@@ -105,7 +105,7 @@ def statement_values(
     penalty: float,
     scales: np.ndarray,
 ) -> Float[np.ndarray, " numbers"]:
-    """Return the numbers of a statement, in its order; ``scales`` divide inequalities."""
+    """Return the numbers of a statement, in order; inequalities are divided by ``scales``."""
     linear = gradient[: 0 if hessian is None else len(gradient)]
     parts = [np.array([radius, penalty]), linear, constraints.values / scales]
     parts.append(constraints.jacobian.data / scales[constraints.entries.row])
@@ -118,7 +118,7 @@ def statement_values(
 class Step:
     """A step d, its violation t, and the multipliers of inequalities and of vectors in cones.
 
-    In the criticality t may be negative: −t is the gain of all elastic inequalities.
+    In the criticality t may be negative; −t is then the gain of all elastic inequalities.
     """
 
     step: Float[np.ndarray, " columns"]
@@ -152,8 +152,8 @@ def solve_subproblem(
 def convexify(hessian: sparse.csr_array, unknowns: int, flattening: float) -> sparse.csr_array:
     """Return the Hessian with negative eigenvalues raised to nearly 0; the trust region bounds steps along them.
 
-    Reflecting them, or stiffening the Hessian across active inequalities, took two to five times as many steps if
-    curvature comes from kinks; the latter took 1.2 times as many on small dense programs.
+    Two other ways, to reflect them or to stiffen the Hessian normal to active inequalities, took two to five times as
+    many steps if curvature comes from kinks. The second took 1.2 times as many on small dense programs.
     """
     dense = hessian.toarray()
     indices = np.flatnonzero(np.any(dense != 0, axis=1) | (np.arange(len(dense)) < unknowns))
@@ -177,10 +177,10 @@ def is_positive_definite(matrix: Float[np.ndarray, "size size"]) -> bool:
 
 
 class _Places(NamedTuple):
-    """Where the numbers of a statement stand in entries of its canonical form.
+    """The numbers of a statement that entries of its canonical form contain.
 
-    place: index of each entry's number, after a leading 1 for constant entries
-    factor: sign of the number, or the constant
+    place: 1 + index of each entry's number; 0 for a constant entry
+    factor: sign of each entry's number, or the constant
     """
 
     place: Int[np.ndarray, " entries"]
@@ -188,7 +188,7 @@ class _Places(NamedTuple):
 
     @classmethod
     def of(cls, entries: Float[np.ndarray, " entries"]) -> _Places:
-        """Return the places of the numbers 2, 3, 4 and so on."""
+        """Return the places, given entries with the placeholders 2, 3, 4 and so on."""
         place = np.maximum(np.abs(entries).astype(int) - 1, 0)
         factor = np.where(place > 0, np.sign(entries), entries)
         assert np.array_equal(entries, np.where(place > 0, factor * (place + 1), factor)), "a number, 0 or ±1"
@@ -200,7 +200,7 @@ class _Places(NamedTuple):
 
 
 class ConvexSubproblem:
-    """The canonicalised subproblem of one pattern; with a ``ball`` it is that of the criticality."""
+    """The canonicalised subproblem of one pattern, or of its criticality if ``ball``."""
 
     def __init__(self, pattern: Pattern, elastic: int, *, ball: bool = False) -> None:
         import cvxpy  # here: importing it takes two seconds
@@ -227,9 +227,12 @@ class ConvexSubproblem:
         near: Int[np.ndarray, " near"] | None = None,
         tolerance: float = CLARABEL_TOLERANCE,
     ) -> Step:
-        """Return the solution for these numbers; with a ball there is no Hessian.
+        """Return the solution for these numbers.
 
-        Only inequalities ``near`` count, by default those within reach. Raises SolverFailed if Clarabel finds none.
+        hessian: Hessian; None for the criticality
+        near: indices of the inequalities that count; None for those within reach
+
+        Raises SolverFailed if Clarabel finds no solution.
         """
         scales = constraints.row_norms.copy()
         scales[: self._elastic] = 1.0  # not scaled: their units determine the cost of a violation
@@ -256,7 +259,7 @@ class ConvexSubproblem:
         solution = clarabel.DefaultSolver(P, self._linear.fill(numbers), A, b, cones, settings).solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
             name = "criticality" if hessian is None else "step"
-            raise SolverFailed(f"{name}: Clarabel must end with Solved, got {solution.status}")
+            raise SolverFailed(f"{name}: Clarabel's status must be Solved, got {solution.status}")
         x, dual = np.array(solution.x), np.array(solution.z)
         multipliers = np.zeros(self._rows)
         multipliers[near] = dual[: len(near)] / scales[near]
@@ -269,7 +272,7 @@ class ConvexSubproblem:
         )
 
     def _quadratic(self, hessian: sparse.csr_array | None) -> sparse.csc_matrix:
-        """Return P: the Hessian's upper triangle in d's rows and columns, no entries without a Hessian."""
+        """Return P: the Hessian's upper triangle in d's rows and columns; no entries without a Hessian."""
         variables = len(self._indptr) - 1
         shape = (variables, variables)
         if hessian is None:

@@ -2,19 +2,19 @@
 
 maximise    χ
 subject to  −∇fᵢ·d − χ ≥ 0 for every objective
-            c + J d ≥ 0, c at least 0
+            max(c, 0) + J d ≥ 0
             ‖d‖ ≤ radius, and cones
 
-χ is 0 at a Pareto-critical point, positive elsewhere. It is a special case of ``nlp.convex_subproblem``, stated in
-cvxpy and solved by Clarabel: the elastic inequalities are the objectives' gains, and t = −χ. Source: Fliege & Svaiter
-2000, Eq. 2, with a ball in place of their quadratic term.
+χ is 0 at a Pareto-critical point, positive elsewhere. The problem is a special case of ``nlp.convex_subproblem``: the
+elastic inequalities are the objectives' gains, and t = −χ. Source: Fliege & Svaiter 2000, Eq. 2, with a ball instead of
+their quadratic term.
 
 By weak duality, any λ ≥ 0 with Σλ = 1 and any μ ≥ 0 give an upper bound:
 
     χ ≤ radius · ‖Σ λᵢ ∇fᵢ − Jᵀ μ‖ + μ·c
 
-Multipliers of only the active inequalities are exact if they are unique and give a bound of almost 0 (nonnegative
-least squares: Lawson & Hanson 1974, chapter 23). Searches use this bound for χ.
+Nonnegative least squares (Lawson & Hanson 1974, chapter 23) give multipliers of only the active inequalities. They are
+exact if they are unique and their bound is almost 0. Searches use this bound for χ.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from paretoik.stop_flag import check_interruption
 class CriticalityOptions:
     """Settings of the criticality and its multipliers; no field has a unit."""
 
-    near_share: float = 0.01  # share of the radius: inequalities that such steps do not reach are left out at first
+    near_share: float = 0.01  # share of the radius; inequalities out of reach of such steps are left out at first
     gain_tolerance: float = 1e-10  # largest gain that counts as 0, as a share of the steepest gradient's length
     active: float = 1e-7  # slack up to which an inequality is active
     bound: float = 1e-8  # largest bound that replaces χ, as a share of the steepest gradient's length times the radius
@@ -59,8 +59,10 @@ OPTIONS = CriticalityOptions()
 class Elimination:
     """Rows after elimination: each eliminated column has an entry only in its pivot row.
 
-    pivots, columns: pivot row and column of every elimination
-    remaining, free: rows that are not pivots, and columns that stay
+    pivots: pivot row of every elimination
+    columns: column of every elimination
+    remaining: whether each row is no pivot row
+    free: whether each column stays
     """
 
     table: Float[np.ndarray, "rows columns"]
@@ -78,7 +80,7 @@ class Elimination:
 def eliminate(rows: Float[np.ndarray, "rows columns"], unknowns: int, pivot_rows: int | None = None) -> Elimination:
     """Eliminate the columns from ``unknowns`` on (Gauss–Jordan); a column without a pivot stays.
 
-    Pivots are the largest entries among the first ``pivot_rows`` rows, or all.
+    Pivots are the largest entries among the first ``pivot_rows`` rows (None: all).
     """
     table, (count, size) = rows.copy(), rows.shape
     remaining, free = np.ones(count, dtype=bool), np.ones(size, dtype=bool)
@@ -101,17 +103,17 @@ def eliminate(rows: Float[np.ndarray, "rows columns"], unknowns: int, pivot_rows
 
 # The set of all multipliers that make a point critical, and the ranges of the objectives' weights.
 #
-#     {(λ, μ): Σ λᵢ ∇fᵢ = Aᵀ μ,  λ ≥ 0, μ ≥ 0},  A the gradients of the active inequalities
+#     {(λ, μ): Σ λᵢ ∇fᵢ = Aᵀ μ,  λ ≥ 0, μ ≥ 0},  A: gradients of the active inequalities
 #
-# λ is unique up to its length if the parts of ∇fᵢ across the rows of A have only one linear dependence: this test needs
-# no solver. Else all solutions of the equation are λ = V y, μ = M y + N z, and small linear programs give the least and
-# the largest share λᵢ / (λᵢ + λⱼ) of every pair:
+# λ is unique up to a factor if the parts of ∇fᵢ orthogonal to the rows of A have only one linear dependence; this test
+# needs no solver. Otherwise all solutions of the equation are λ = V y, μ = M y + N z, and small linear programs give
+# the least and the largest share λᵢ / (λᵢ + λⱼ) of every pair:
 #
 #     extremise   λᵢ
 #     subject to  λᵢ + λⱼ = 1,  V y ≥ 0,  M y + N z ≥ 0
 #
-# SciPy's HiGHS solves them: its simplex ends on a vertex; an interior point stops short of one if many meet. Source:
-# Gal & Nedoma 1972 for the set of multipliers; Charnes & Cooper 1962 for ratios.
+# SciPy's HiGHS solves them by the simplex method, which ends on a vertex. Source: Gal & Nedoma 1972 for the set of
+# multipliers; Charnes & Cooper 1962 for ratios.
 
 
 def share_ranges(
@@ -148,10 +150,10 @@ def share_ranges(
 def _are_unique(
     gradients: Float[np.ndarray, "n_obj columns"], rows: Float[np.ndarray, "rows columns"], unknowns: int
 ) -> bool:
-    """Return whether gradients have only one linear dependence across rows.
+    """Return whether the gradients' parts orthogonal to the rows have one linear dependence.
 
-    Auxiliary columns are eliminated first. Adding multiples of rows to gradients and to other rows does not change the
-    parts across all rows.
+    Auxiliary columns are eliminated first. This adds multiples of rows to gradients and rows, which does not change
+    these parts.
     """
     reduced = eliminate(np.concatenate([rows, gradients]), unknowns, len(rows)).reduced
     across, others = reduced[-len(gradients) :], reduced[: -len(gradients)]
@@ -170,7 +172,7 @@ def unit_rows(rows: Float[np.ndarray, "rows columns"], shortest: float) -> Float
 def factorise_rows(
     rows: Float[np.ndarray, "rows columns"], dependent: float, mode: str = "economic"
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Return Q, R, an order and the rank of rows: rows[order]ᵀ = Q R, and the first columns of Q span the rows."""
+    """Return Q, R, order and rank of rows: rows[order]ᵀ = Q R; the first ``rank`` columns of Q span the rows."""
     basis, triangle, order = qr(rows.T, pivoting=True, mode=mode)
     sizes = np.abs(np.diagonal(triangle))
     return basis, triangle, order, int(np.count_nonzero(sizes > dependent * sizes.max(initial=0.0)))
@@ -201,7 +203,7 @@ def _extreme_shares(
                 options={"primal_feasibility_tolerance": tolerance, "dual_feasibility_tolerance": tolerance},
             )
             if solution.status != 0:
-                raise SolverFailed(f"multipliers: HiGHS must end with an optimum, got {solution.message}")
+                raise SolverFailed(f"multipliers: HiGHS found no optimum: {solution.message}")
             shares[i, j, end] = np.clip(padded[i] @ solution.x, 0.0, 1.0)
         shares[j, i] = 1.0 - shares[i, j, ::-1]
     return shares
@@ -226,9 +228,9 @@ def criticality(
 ) -> Criticality:
     """Return the criticality for these gradients of the objectives.
 
-    At first only the nearest inequalities count. Without the others χ can only be larger, so if it is 0, it is 0 with
-    all. Unique multipliers of the active inequalities replace Clarabel's, because an interior point stops short of
-    them. Raises SolverFailed if Clarabel ends without a solution.
+    At first only the nearest inequalities count. The others can only lower χ, so if it is 0, it stays 0 with them.
+    Unique multipliers of the active inequalities replace Clarabel's, which are less exact. Raises SolverFailed if
+    Clarabel ends without a solution.
     """
     check_interruption()
     scale = _scale(gradients)
@@ -243,7 +245,7 @@ def criticality(
 def quick_criticality(
     gradients: Float[np.ndarray, "objectives columns"], constraints: Constraints, radius: float
 ) -> Criticality:
-    """Return the bound from active inequalities, else the criticality, with its errors."""
+    """Return the bound from active inequalities, else the criticality. Raises as ``criticality`` does."""
     check_interruption()
     return active_set_criticality(gradients, constraints, radius) or criticality(gradients, constraints, radius)
 
@@ -256,7 +258,7 @@ def active_set_criticality(
         minimise    ‖Σ λᵢ ∇fᵢ − Aᵀμ‖² + (Σλ + Σμ − 1)²
         subject to  λ ≥ 0,  μ ≥ 0
 
-    Returns None if the bound is not almost 0, if other multipliers are as good, or if there are auxiliary columns.
+    Returns None if the bound is not almost 0, the multipliers are not unique, or there are auxiliary columns.
     """
     if constraints.cones or gradients.shape[1] > constraints.unknowns:
         return None
@@ -297,7 +299,7 @@ def _solve_near(
     )
     rows = np.concatenate([np.arange(count), count + near])
     subproblem = subproblem_of(Pattern.of(statement), count, ball=True)
-    for tolerance in OPTIONS.solver_tolerances:  # the next one if rounding stops progress
+    for tolerance in OPTIONS.solver_tolerances:  # a larger one if rounding stops progress
         try:
             solution = subproblem.solve(
                 np.zeros(columns), None, statement, radius=radius, near=rows, tolerance=tolerance

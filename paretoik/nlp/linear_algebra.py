@@ -11,7 +11,7 @@ from paretoik.compilation.numba_cache import compiled
 
 @compiled
 def cholesky(A, factor):
-    """Write A's lower factor with an inverted diagonal; return whether A is positive definite."""
+    """Write A's Cholesky factor with an inverted diagonal; return whether A is positive definite."""
     rows, largest = A.shape[0], 0.0
     tolerance = 1e-13  # share of the largest diagonal entry: a matrix with a smaller pivot counts as singular
     for i in range(rows):
@@ -32,7 +32,7 @@ def cholesky(A, factor):
 
 @compiled
 def solve_cholesky(factor, right):
-    """Overwrite ``right`` with A⁻¹ ``right``."""
+    """Overwrite ``right`` with A⁻¹ · ``right``."""
     rows = right.shape[0]
     for i in range(rows):
         for c in range(i):
@@ -64,7 +64,7 @@ RANK_TOLERANCE = 1e-11  # least part of a row that is independent of the rows be
 
 @compiled
 def triangularise(rows, triangle):
-    """Overwrite rows (m, n) with reflections of rowsᵀ = Q [R; 0], write R; return False if rows are dependent."""
+    """Overwrite rows (m, n) with the reflectors v of rowsᵀ = Q [R; 0], write R; return False if dependent."""
     m, n = rows.shape
     for i in range(m):
         whole, size = 0.0, 0.0
@@ -103,7 +103,7 @@ def reflect(v, x):
 
 @compiled
 def rotate(reflectors, x):
-    """Overwrite x with Qᵀ x: the part across the null space, then the part along it."""
+    """Overwrite x with Qᵀ x: the part in the row space, then the part in the null space."""
     for i in range(len(reflectors)):
         reflect(reflectors[i], x)
 
@@ -144,9 +144,9 @@ def back_substitute(triangle, x):
 
 @compiled
 def eliminate(matrix, right, triangle):
-    """Overwrite right with matrix⁻¹ right; return False beyond a fold of the equations.
+    """Overwrite right with matrix⁻¹ · right; return False beyond a fold of the equations.
 
-    At the start of the step the matrix was the transpose of ``triangle``. Its pivots keep their signs up to a fold.
+    At the start of a step the matrix is the transpose of ``triangle``; its pivots keep their signs up to a fold.
     """
     size = len(triangle)
     for i in range(size):
@@ -165,7 +165,7 @@ def eliminate(matrix, right, triangle):
     return True
 
 
-# Dense systems by LU factors with row exchanges, in the first rows and columns of larger arrays; compiled.
+# Dense systems in the first rows and columns of larger arrays, by LU factors with row exchanges; compiled.
 
 
 @compiled
@@ -240,7 +240,7 @@ def clear(matrix):
 
 @compiled
 def add_scaled(matrix, factor, other):
-    """Add a multiple of another matrix."""
+    """Add ``factor`` · ``other`` to a matrix."""
     for i in range(matrix.shape[0]):
         for j in range(matrix.shape[1]):
             matrix[i, j] += factor * other[i, j]

@@ -57,14 +57,14 @@ def minimise(
     """Return the local minima that points lead to.
 
         minimise    weights · F(x)
-        subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper (F itself without rows),  F(x) ≤ the program's own bounds
+        subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper (rows = I by default),  F(x) ≤ the program's own bounds
 
-    A point's result does not depend on the rest of the batch; ``options`` are common, or one per point. "auto" is the
-    interior-point method if the program has a kernel, else SQP. ``observe`` gets the number of points that workers have
-    finished.
+    options: settings of the solver, common or one per point
+    solver: solver; "auto" is the interior-point method if the program has a kernel, else SQP
+    observe: function called with the number of points that workers have finished
 
-    Raises InvalidInput if the interior-point method is chosen for a program without a kernel, and Interrupted, with the
-    solutions so far, after a signal.
+    A point's result does not depend on the rest of the batch. Raises InvalidInput if the interior-point method is
+    chosen for a program without a kernel; after a signal, Interrupted with the solutions so far.
     """
     check_interruption()
     check_solver(program, solver)
@@ -82,7 +82,7 @@ def minimise(
         bounds = np.concatenate([upper, np.tile(program.upper[finite], (count, 1))], axis=1)
     kernel = None if solver == "sqp" else program.kernel
     solutions = _solve(program, kernel, x, factors, table, bounds, each, observe)
-    # Below the program's own rounding no step improves a point.
+    # rounding errors can hide convergence
     near = (solutions.stationarity <= program.rounding) & (solutions.violation <= FEASIBLE)
     solutions.status[near & (solutions.status == NO_PROGRESS)] = CONVERGED
     return _finished(replace(solutions, x=program.pin(solutions.x)))
@@ -111,7 +111,7 @@ def _solve(
     options: Sequence[InteriorPointOptions],
     observe: Callable[[int], object] | None = None,
 ) -> Solutions:
-    """Return the solutions from all points, by the SQP if there is no kernel."""
+    """Return the solutions from all points, by SQP if there is no kernel."""
     count, smooths = len(x), kernel is not None and bool(program.kinked)
     if smooths:
         options = [
@@ -122,7 +122,7 @@ def _solve(
             )
             for each in options
         ]
-    # copies: read-only or non-contiguous arrays would be compiled for again
+    # copies, because numba compiles again for read-only or non-contiguous arrays
     items = [(x[i].copy(), weights[i].copy(), rows, upper[i].copy(), options[i]) for i in range(count)]
     if kernel is None:
         keys = [program_key("SQP minimum", program, *item) for item in items]
@@ -137,7 +137,7 @@ def _solve(
                 return
             ends[i] = remembered(keys[i], partial(_search, program, kernel, items[i]))
 
-    # Python handles signals in the main thread, between its own instructions: not while it runs compiled code.
+    # Python handles signals in the main thread, but not while this thread runs compiled code.
     hears_signals = stop_flag.watched or threading.current_thread() is not threading.main_thread()
     if count > 1 and workers() > 1:
         if kernel is not None:
@@ -146,7 +146,7 @@ def _solve(
         with suppress(Interrupted):
             for done, (i, values) in enumerate(distribute_remembered(_search_in_worker, shared, items, keys), start=1):
                 if isinstance(values, Lost):
-                    warn_user(f"start {i}: {values.cause}; the others go on")
+                    warn_user(f"start {i}: {values.cause}; the others continue")
                     values = _unknown_end(program, x[i], LOST)
                 ends[i] = values
                 if observe is not None:
@@ -186,7 +186,7 @@ def _search_in_worker(shared: tuple[Program, bool], item: Item) -> Values:
 
 
 def _unknown_end(program: Program, start: Point, status: int) -> Values:
-    """Return the result of a search that was not made or failed."""
+    """Return the result of a search that did not run or failed."""
     unknown = {"iterations": 0, "F": np.full(len(program.upper), np.nan), "stationarity": np.nan, "violation": np.nan}
     return {"x": start, "status": np.asarray(status), **{name: np.asarray(value) for name, value in unknown.items()}}
 
@@ -194,7 +194,7 @@ def _unknown_end(program: Program, start: Point, status: int) -> Values:
 def _collect(
     ends: Sequence[Values], shape: tuple[int, ...], objectives: int, upper: Float[np.ndarray, "points bounds"]
 ) -> Solutions:
-    """Return results of searches as a batch; the last multipliers of a result are those of the finite bounds."""
+    """Return results of searches as a batch; the last multipliers of each are those of finite bounds."""
 
     def column(name: str, kind: type = float) -> np.ndarray:
         return np.array([end[name] for end in ends], dtype=kind)
@@ -223,7 +223,7 @@ def compile_method(
     *,
     solver: Solver,
 ) -> None:
-    """Compile the method for a program if necessary: workers then load it from the disk."""
+    """Compile the interior-point method for a program if necessary; workers then load it from disk."""
     kernel = None if solver == "sqp" else program.kernel
     if kernel is not None:
         size = len(program.upper)
@@ -239,11 +239,11 @@ def _compile_method(kernel: Any, item: Item) -> None:
         _COMPILED.add(type(kernel))
 
 
-_COMPILED: set[type] = set()  # kernels whose interior-point method is compiled: no signal ends a compilation
+_COMPILED: set[type] = set()  # classes of kernels whose method is compiled; signals do not end compilations
 
 
 def _join(futures: list[Future[None]], *, interval: float = 0.25) -> None:
-    """Wait for all; after a signal only ``interval`` [s] longer: code may still compile. Then raise Interrupted."""
+    """Wait for all; raise Interrupted if one runs on for ``interval`` [s] after a signal, as compilations can."""
     pending = set(futures)
     while pending:
         stopping = bool(STOP[0])
@@ -256,7 +256,7 @@ def _join(futures: list[Future[None]], *, interval: float = 0.25) -> None:
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    """Return threads, one per core, for the life of the process: compiled code releases Python's lock."""
+    """Return the process's threads, one per core; they run at once, as compiled code releases Python's lock."""
     return ThreadPoolExecutor(threads())
 
 
@@ -274,7 +274,7 @@ def minimise_violation(
         minimise    Σ t (interior-point method) or max t (SQP),  t ≥ 0
         subject to  h(x) = 0,  c(x) + t ≥ 0,  F(x) ≤ min(upper, the program's own bounds) + t
 
-    The points use the ``options`` cyclically. Points that converged violate nothing.
+    The points use the ``options`` cyclically. Converged points violate nothing.
     """
     check_interruption()
     bounds = np.tile(np.minimum(upper, program.upper), (len(x), 1))
@@ -285,7 +285,7 @@ def minimise_violation(
 
 
 def _finished(solutions: Solutions) -> Solutions:
-    """Return solutions; raise Interrupted, with them, if a signal ended some searches."""
+    """Return the solutions, or raise Interrupted with them if a signal ended some searches."""
     if (solutions.status == INTERRUPTED).any():
         raise Interrupted(solutions)
     return solutions

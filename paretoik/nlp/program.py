@@ -3,10 +3,10 @@
     minimise    weights · F(x)
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
 
-x is a point: an array of any shape. F are the objectives, always minimised, then other bounded functions of the whole
-point. Steps are taken along the tangent space of h(x) = 0; ``Linearisation.retract`` leads back to it: for a motion,
-along the self-motion of every sample. Functions with kinks (peaks, absolute values, norms) are written with auxiliary
-columns, slack and epigraph variables that follow from x, so that every function of the columns is smooth.
+x is a point: an array of any shape. F has the objectives, all minimised, then other functions with upper bounds. Steps
+are tangent to h(x) = 0, and ``Linearisation.retract`` leads back to it; for a motion this is the self-motion of every
+sample. Functions with kinks (peaks, absolute values, norms) get auxiliary columns: slack and epigraph variables, which
+follow from x. Every function of all columns is smooth.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from paretoik.errors import EvaluationFailed
 from paretoik.inputs import check_choice
 from paretoik.runs.journal import is_journalled, key_of
 
-# Constraints of convex subproblems, in sparse matrices whose structure never depends on numbers.
+# Constraints of convex subproblems, in sparse matrices whose structure does not depend on values.
 
 
-CLARABEL_TOLERANCE = 1e-10  # tolerance of gaps and infeasibilities: steps and moves are exact to about its square root
+CLARABEL_TOLERANCE = 1e-10  # tolerance of duality gaps and infeasibilities; solutions are exact to its square root
 FEASIBLE = 1e-8  # largest violation of a feasible point, as a share of a limit's range
 
 
@@ -56,7 +56,7 @@ class Structure(NamedTuple):
 def structural_product(left: sparse.csr_array, right: sparse.csr_array) -> sparse.csr_array:
     """Return left · right with an entry wherever their structures allow one.
 
-    SciPy's product drops sums that happen to be 0, so its structure depends on numbers.
+    SciPy's product drops sums that happen to be 0, so its structure depends on values.
     """
     left_entries, right_entries, places, indptr, indices = _product_plan(Structure.of(left), Structure.of(right))
     entries = np.bincount(places, left.data[left_entries] * right.data[right_entries], len(indices))
@@ -79,7 +79,7 @@ def _product_plan(left: Structure, right: Structure) -> tuple[np.ndarray, ...]:
 
 
 def dense_rows(matrix: Float[np.ndarray, "rows columns"]) -> sparse.csr_array:
-    """Return a dense matrix as a sparse one with all entries: its shape determines its structure."""
+    """Return a dense matrix as a sparse one that stores all entries, zeros too."""
     rows, columns = matrix.shape
     return sparse.csr_array(
         (matrix.ravel(), np.tile(np.arange(columns), rows), columns * np.arange(rows + 1)), shape=matrix.shape
@@ -87,7 +87,7 @@ def dense_rows(matrix: Float[np.ndarray, "rows columns"]) -> sparse.csr_array:
 
 
 def stack_rows(parts: Sequence[sparse.csr_array]) -> sparse.csr_array:
-    """Return matrices stacked by rows, as SciPy's vstack does; small ones take a tenth of its time."""
+    """Return matrices stacked by rows, as SciPy's vstack does, but ten times as fast for small ones."""
     starts = np.cumsum([0, *(part.indptr[-1] for part in parts)])
     pointers = [part.indptr[1:] + start for part, start in zip(parts, starts[:-1], strict=True)]
     return sparse.csr_array(
@@ -102,7 +102,7 @@ def stack_rows(parts: Sequence[sparse.csr_array]) -> sparse.csr_array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cone:
-    """The cone d[column] + ‖values‖ ≥ ‖values + rows d‖; the column is the change of the length."""
+    """The cone d[column] + ‖values‖ ≥ ‖values + rows d‖; d[column] is the change of the length."""
 
     column: int
     values: Float[np.ndarray, " parts"]
@@ -125,15 +125,15 @@ class Constraints:
 
     @cached_property
     def row_norms(self) -> Float[np.ndarray, " inequalities"]:
-        """Euclidean length of every row of the Jacobian, at least a tiny one."""
+        """Euclidean length of every row of the Jacobian, at least 1e-300."""
         square = np.bincount(self.entries.row, self.entries.data**2, minlength=len(self.values))
         return np.maximum(np.sqrt(square), 1e-300)
 
     def within_reach(self, radius: float, *, order: int) -> Int[np.ndarray, " rows"]:
         """Return the inequalities that a step within a ball can reach.
 
-        ``order`` is the dual of the ball's norm. Inequalities with an auxiliary column, which no ball bounds, always
-        count.
+        ``order`` is that of the norm dual to the ball's. Inequalities with an auxiliary column always count, because no
+        ball bounds it.
         """
         bounded, count = self.entries.col < self.unknowns, len(self.values)
         row, value = self.entries.row[bounded], np.abs(self.entries.data[bounded])
@@ -159,26 +159,26 @@ class InteriorPointOptions(NamedTuple):
 
     barrier: float = 0.1  # μ of the first subproblem
     last_barrier: float = 1e-13  # μ of the last
-    penalty: float = 1.0  # first penalty of one unit of violation, times the kernel's usual one
+    penalty: float = 1.0  # first penalty per unit of violation, as a multiple of the kernel's
     tolerance: float = 1e-8  # tolerance of stationarity and of violations
     iterations: int = 150  # largest number of iterations
-    kink_iterations: int = 3  # factor of the number if functions have kinks
+    kink_iterations: int = 3  # factor of ``iterations`` if functions have kinks
     regularisation: float = 1e-9  # first multiple of I for an indefinite matrix, as a share of its largest entry
-    kink_regularisation: float = 1e-13  # the same for functions with kinks: their entries are large
+    kink_regularisation: float = 1e-13  # the same for functions with kinks, whose entries are large
     radius: float = 0.3  # [rad or arm lengths]: radius of the first step of sequential quadratic programming
     barrier_factor: float = 0.2  # μ₊ = min(factor · μ, μ^power): Wächter & Biegler 2006, Eq. 7
     barrier_power: float = 1.5
-    barrier_tolerance: float = 10.0  # times μ: largest error of a solved subproblem; ibid., Eq. 5
+    barrier_tolerance: float = 10.0  # largest error of a solved subproblem, as a multiple of μ; ibid., Eq. 5
     penalty_factor: float = 10.0  # factor by which the penalty grows
     penalty_barrier: float = 3e-3  # largest μ at which violations make the penalty grow
-    soft_violation: float = 100.0  # times μ / penalty: largest violation that the barrier explains
-    helpless_growth: float = 100.0  # growth of the penalty without halving the violation: constraints are infeasible
+    soft_violation: float = 100.0  # largest violation due to the barrier, as a multiple of μ / penalty
+    helpless_growth: float = 100.0  # constraints are infeasible if this growth of the penalty does not halve violations
     armijo: float = 1e-4  # Nocedal & Wright, Eq. 3.4
     halvings: int = 40  # largest number of halvings of a step
-    boundary_fraction: float = 0.995  # of the way to where a slack or multiplier is 0; Nocedal & Wright, Eq. 19.9
+    boundary_fraction: float = 0.995  # largest share of the way to a slack or multiplier of 0; ibid., Eq. 19.9
     multiplier_range: float = 1e8  # largest factor between a multiplier and μ / slack; Wächter & Biegler, Eq. 16
-    flat_decrease: float = 1e-15  # predicted decrease over merit below which nothing can be gained
-    flat_barrier: float = 1e-6  # times μ: predicted decrease below which a subproblem cannot gain
+    flat_decrease: float = 1e-15  # least predicted decrease that is more than rounding, as a share of the merit
+    flat_barrier: float = 1e-6  # least predicted decrease that helps a subproblem, as a multiple of μ
     kink_flat_barrier: float = 1e-2  # the same for functions with kinks: each kink ends a step along a flat valley
     merit_rounding: float = 1e-14  # relative rounding error of the merit function
     stalled_decrease: float = 1e-12  # largest relative decrease of the merit function that counts as none
@@ -186,8 +186,8 @@ class InteriorPointOptions(NamedTuple):
     least_slack: float = 1e-2  # first value of unknown slacks, or √μ if that is less
     residual_tolerance: float = 1e-10  # largest sum of residuals that counts as 0
     filter_margin: float = 1e-5  # γ of the filter; ibid., Eq. 18
-    filter_infeasible: float = 1e-4  # share of the first residual up to which only the merit may decide; ibid., Eq. 21
-    restorations: int = 12  # largest number without halving residuals: the filter is cleared, or slacks recentred
+    filter_infeasible: float = 1e-4  # largest residual, over the first, at which only merit may decide; ibid., Eq. 21
+    restorations: int = 12  # largest number of cleared filters or recentred slacks without halved residuals
 
 
 # Results of solvers: a batch of points.
@@ -198,12 +198,12 @@ CONVERGED, ITERATION_LIMIT, NO_PROGRESS, SINGULAR, VIOLATED, NOT_FINITE, INTERRU
 STATUSES = {
     CONVERGED: "converged",
     ITERATION_LIMIT: "iteration limit reached",
-    NO_PROGRESS: "no step makes it better",
+    NO_PROGRESS: "no step improves it",
     SINGULAR: "at a singularity",
-    VIOLATED: "limits cannot all hold",
-    NOT_FINITE: "not finite where it starts",
+    VIOLATED: "limits cannot all be satisfied",
+    NOT_FINITE: "not finite at the start",
     INTERRUPTED: "interrupted",
-    LOST: "the workers that tried it ended",
+    LOST: "lost, as its workers ended",
 }
 
 
@@ -254,7 +254,7 @@ def concatenate(batches: Sequence[Solutions]) -> Solutions:
 
 
 Solver: TypeAlias = Literal["auto", "interior-point", "sqp"]
-"""Solver that refines; "auto": interior points if the program has a kernel, else SQP."""
+"""Solver of refinements; "auto": the interior-point method if the program has a kernel, else SQP."""
 
 
 def check_solver_name(solver: object) -> None:
@@ -264,7 +264,7 @@ def check_solver_name(solver: object) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Goal:
-    """Minimise ``weights`` · F with ``rows`` · F ≤ ``upper``; a bound of inf does not count."""
+    """Minimise ``weights`` · F with ``rows`` · F ≤ ``upper``; inf is no bound."""
 
     weights: Float[np.ndarray, " objectives"]
     rows: Float[np.ndarray, "bounds objectives"]
@@ -275,15 +275,15 @@ class Goal:
 class Linearisation(ABC):
     """A program to first order at a point x.
 
-    Its columns are a step along the equalities, then auxiliary variables. Every step of a solver satisfies the
-    inequalities that tie auxiliary columns exactly.
+    Its columns are the unknowns of a step along the equalities, then auxiliary variables. Ties are inequalities between
+    auxiliary variables and the values that they replace; all steps of a solver satisfy ties.
 
     unknowns: number of columns of a step along the equalities; the others are auxiliary
-    elastic: number of elastic inequalities, which come first: steps may violate them
+    elastic: number of elastic inequalities, which steps may violate; they come first
     unit: Euclidean length of a step with RMS length one
-    inequalities: c, divided by their ranges, then those that tie auxiliary columns
+    inequalities: values of c, divided by their ranges, then values of ties
     jacobian: Jacobian of the inequalities (inequalities, columns)
-    cones: cones that tie auxiliary columns to lengths
+    cones: ties of auxiliary columns to lengths
     """
 
     x: Point
@@ -311,7 +311,7 @@ class Linearisation(ABC):
     ) -> sparse.csr_array:
         """Return the Hessian (columns, columns) of the Lagrangian weights · F + ν · h − multipliers · c − cones.
 
-        The multipliers ν of the equalities cancel the gradient across the tangent space.
+        The multipliers ν of the equalities make its gradient 0 normal to the tangent space.
         """
 
     @abstractmethod
@@ -322,9 +322,9 @@ class Linearisation(ABC):
     def corrected_inequalities(
         self, step: Float[np.ndarray, " columns"], x: Point
     ) -> Float[np.ndarray, " inequalities"]:
-        """Return c at the point x that a step led to; auxiliary columns are those of the step.
+        """Return c at the point x that a step led to, with the step's auxiliary columns.
 
-        The difference from the part linear in the step is the curvature, for a second-order correction.
+        Its difference from the linear model is the curvature that a second-order correction needs.
         """
 
 
@@ -350,7 +350,7 @@ class Program(Protocol):
 
     @property
     def kinked(self) -> tuple[str, ...]:
-        """Names of functions with kinks: compiled solvers smooth them, so F must be evaluated again."""
+        """Names of functions with kinks; compiled solvers smooth them, so evaluate F again afterwards."""
 
     @property
     def unsupported(self) -> tuple[str, ...]:
@@ -361,10 +361,10 @@ class Program(Protocol):
         """Stationarity that rounding cannot distinguish from 0."""
 
     def project(self, x: Points) -> Points:
-        """Return starts with their fixed parts corrected: a given start, a last step at rest."""
+        """Return points with corrected fixed parts, such as a given start or an end at rest."""
 
     def pin(self, x: Points) -> Points:
-        """Return points with their given parts restored to the bit."""
+        """Return points with their given parts restored exactly."""
 
     def evaluate(
         self, x: Point
@@ -375,16 +375,16 @@ class Program(Protocol):
         """Return the program to first order at a point."""
 
     def kinks_at(self, x: Point) -> tuple[str, ...]:
-        """Return the names of functions with a kink at a point that no auxiliary variable represents."""
+        """Return the names of functions that have a kink at x without an auxiliary variable."""
 
     def distance(self, x: Point, others: Points) -> np.ndarray:
-        """Return RMS distances from others, in rad or similar; optima nearer than 0.01 are one."""
+        """Return RMS distances from others, in rad or similar; optima nearer than 0.01 count as one."""
 
 
 def bounded(at: Linearisation, goal: Goal) -> tuple[Constraints, int]:
-    """Return inequalities to first order with the goal's bounds, and the number of elastic ones.
+    """Return linearised inequalities with the goal's bounds, and the number of elastic ones.
 
-    The elastic inequalities come first, then the goal's bounds (also elastic), then those that tie auxiliary columns.
+    The program's elastic inequalities come first, then the goal's bounds (also elastic), then ties.
     """
     finite = np.isfinite(goal.upper)
     rows, elastic = goal.rows[finite], at.elastic
@@ -417,7 +417,7 @@ def violation_of(
 ) -> float:
     """Return the worst violation of these F, h and elastic c, NaN if one is NaN.
 
-    The bounds are rows · F ≤ ``upper``; without rows, the program's own bounds of F.
+    The bounds are rows · F ≤ ``upper``, or the program's own bounds of F if these are None.
     """
     if rows is None or upper is None:
         rows, upper = np.eye(len(objectives)), program.upper

@@ -1,15 +1,15 @@
 """Sequential quadratic programming for any Program, also with kinks.
 
-The program and its merit function (the goal is divided by its size):
+The program, its goal divided by its size, and the merit function:
 
     minimise    weights · F(x)
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
     merit       weights · F + penalty · (largest violation)
 
-Each iteration solves the convex subproblem of ``nlp.convex_subproblem`` at the iterate: elastic inequalities to first
-order, a trust region, and the exact Hessian of the Lagrangian with negative eigenvalues raised to nearly 0. If a step
-gains less than the subproblem predicts, a second-order correction is tried. Source: Nocedal & Wright, Numerical
-Optimization, section 18.5; Fletcher 1982 for kinks.
+Each iteration solves the convex subproblem of ``nlp.convex_subproblem`` at the iterate. It has linearised elastic
+inequalities, a trust region, and the exact Hessian of the Lagrangian with negative eigenvalues raised to nearly 0. If a
+step gains less than predicted, a second-order correction is tried. Source: Nocedal & Wright, Numerical Optimization,
+section 18.5; Fletcher 1982 for kinks.
 """
 
 from __future__ import annotations
@@ -48,23 +48,23 @@ class SqpOptions:
 
     iterations: int = 150
     radius: float = 0.3  # radius of the first trust region
-    largest_radius: float = 0.4  # too short to reach another branch unnoticed
+    largest_radius: float = 0.4  # largest radius: too short to skip to another branch
     smallest_radius: float = 1e-10  # shortest step that is tried
     tolerance: float = 1e-8  # largest violation, as a share of a range
     penalty: float = 10.0  # first penalty of a violation of a whole range, in sizes of the objective
-    largest_penalty: float = 1e7  # if limits are still violated at it, the search ends
+    largest_penalty: float = 1e7  # largest penalty; the search ends if it does not satisfy the limits
     penalty_factor: float = 10.0
-    recovery: float = 1e-2  # above this violation, a step that does not lower it by a tenth raises the penalty
-    acceptance: float = 1e-4  # least gain of a step, as a share of the predicted reduction
-    agreement: float = 0.75  # of the predicted reduction: such a gain needs no correction and enlarges the trust region
-    excess: float = 1.3  # times the predicted reduction: such a gain shows that the Hessian is too stiff
+    recovery: float = 1e-2  # violation above which a step that lowers it by less than a tenth raises the penalty
+    acceptance: float = 1e-4  # least gain of an accepted step, over the predicted one
+    agreement: float = 0.75  # least gain, over the predicted one, that needs no correction and enlarges the region
+    excess: float = 1.3  # gain, over the predicted one, above which the Hessian is too stiff
     corrections: int = 1  # number of second-order corrections of one step
     flattening: float = 1e-8  # least eigenvalue of a flattened Hessian, as a share of its largest entry
     step_tolerance: float = 1e-8  # tolerance of a step's optimality gap and infeasibility
     last_tolerance: float = 1e-12  # the same for the last steps
-    smallest_share: float = 1e-6  # of a flattened Hessian
-    reduction_tolerance: float = 1e-15  # predicted reduction that is rounding, as a share of the merit function
-    criticality_tolerance: float = 5e-7  # first-order gain that rounding hides, in sizes of the objective
+    smallest_share: float = 1e-6  # least factor of a Hessian that is too stiff
+    reduction_tolerance: float = 1e-15  # largest predicted gain that counts as rounding, as a share of the merit
+    criticality_tolerance: float = 5e-7  # largest first-order gain of an optimum, in sizes of the objective
 
 
 OPTIONS = SqpOptions()
@@ -76,7 +76,8 @@ class Solution:
 
     status: a key of STATUSES
     objectives: F at the point
-    multipliers, bound_multipliers: those of inequalities, and of the goal's finite bounds
+    multipliers: multipliers of the inequalities
+    bound_multipliers: multipliers of the goal's finite bounds
     stationarity: RMS length of the Lagrangian's gradient
     violation: worst violation of all constraints, as a share of its range
     """
@@ -96,7 +97,7 @@ class _Iterate:
     """A point, F there, and the parts of the merit function.
 
     value: objective value, weights · F
-    infeasibility: largest violation of all constraints but the goal's bounds
+    infeasibility: largest violation of all constraints except the goal's bounds
     excess: largest violation of the goal's bounds, in sizes of the objective
     """
 
@@ -118,9 +119,13 @@ class _Iterate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Attempt:
-    """A tried step: its trial point, predicted and actual gain in merit, and its length before any correction.
+    """A tried step.
 
-    settled: whether nothing was tried because the predicted gain was only rounding
+    trial: point after the step; None if it was not reached
+    predicted: predicted gain in merit
+    gain: actual gain in merit
+    length: length of the step before any correction
+    settled: whether nothing was tried, because the predicted gain was only rounding
     """
 
     step: Step
@@ -137,8 +142,8 @@ def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIO
         minimise    weights · F(x)
         subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
 
-    After a signal it returns the current point. It ends at once if the program's values or derivatives are not finite;
-    some programs raise EvaluationFailed then.
+    After a signal this is the current point. The search ends at once if values or derivatives are not finite; some
+    programs then raise EvaluationFailed.
     """
     with np.errstate(invalid="ignore"):  # the search checks for values that are not finite
         search = _Search(program, x, goal, options)
@@ -182,14 +187,14 @@ class _Search:
             self.status = NOT_FINITE
             return
         self.iterations += 1
-        # the subproblem at the iterate
+        # the subproblem at the iterate: gradient g, and Hessian H of the Lagrangian, made convex
         self.constraints, self.elastic = bounded(self.at, self.goal)
         multipliers, bound_multipliers = self._split_multipliers()
         weights = self.goal.weights + self.goal.rows.T @ bound_multipliers
         hessian = self.at.hessian(weights, multipliers, () if self.last is None else self.last.cone_multipliers)
         self.gradient = self.goal.weights @ self.at.gradients
         self.hessian = self.share * convexify(hessian, self.constraints.unknowns, options.flattening)
-        # its step, in smaller and smaller trust regions
+        # its step d; the trust region shrinks until merit(x) − merit(x + d) ≥ acceptance · predicted gain
         attempt: _Attempt | None = None
         while self.radius > options.smallest_radius and attempt is None:
             step = self._solve(self.constraints)
@@ -203,11 +208,11 @@ class _Search:
             self._end(settled=attempt is not None and attempt.settled)
             return
         before, self.iterate, self.last = self.iterate.violation, attempt.trial, attempt.step
-        # the penalty: 10 times higher if the violation has not fallen by a tenth
+        # the penalty grows if a large violation has not fallen by a tenth
         if self.iterate.violation > max(options.recovery, 0.9 * before) and self.penalty < options.largest_penalty:
             self.penalty *= options.penalty_factor
         self.at = self.program.linearise(self.iterate.x)
-        # the share of the Hessian and the trust region, by the ratio of gain to predicted gain
+        # the factor of the Hessian and the trust region, by the ratio gain / predicted gain
         if attempt.gain > options.excess * attempt.predicted:
             self.share = max(self.share / 4, options.smallest_share)
         elif attempt.gain < options.agreement * attempt.predicted:
@@ -255,9 +260,10 @@ class _Search:
         return np.concatenate([parts[0], parts[2]]), parts[1]
 
     def _attempt(self, step: Step) -> _Attempt:
-        """Try a step, and its correction if it gains too little; nothing is tried if no gain is predicted."""
+        """Try a step, unless no gain is predicted, and its correction if it gains too little."""
         options, d = self.options, step.step
         before, curvature = self.iterate.merit(self.penalty), self.hessian @ d
+        # the predicted gain: penalty · (violation − t) − (gᵀd + ½ dᵀHd)
         linear = float(self.gradient @ d) + 0.5 * float(d @ curvature)
         predicted = self.penalty * (self.iterate.violation - max(step.violation, 0.0)) - linear
         length = float(np.abs(d[: self.at.unknowns]).max(initial=0.0))
@@ -277,7 +283,7 @@ class _Search:
             enough = attempt.gain >= options.agreement * predicted or correction == options.corrections
             if enough:
                 break
-            # the constraints corrected for the curvature along the step that led to x (Eq. 18.23)
+            # second-order correction: c(x + d) − J d in place of c (Eq. 18.23)
             inequalities, elastic = self.at.corrected_inequalities(step.step, x), self.at.elastic
             bounds = self.goal.upper - self.goal.rows @ trial.objectives
             values = np.concatenate([inequalities[:elastic], bounds, inequalities[elastic:]])
@@ -303,7 +309,7 @@ class _Search:
             return None
 
     def _end(self, *, settled: bool) -> None:
-        """End the search, or raise the penalty of violations; ``settled`` is whether no reduction is predicted."""
+        """End the search, or raise the penalty of violations; ``settled``: whether no gain is predicted."""
         options = self.options
         if settled and self.tolerance > options.last_tolerance:
             self.tolerance = options.last_tolerance

@@ -4,7 +4,8 @@ The derivatives are by the state of the motion's spline.
 
 A motion is its spline s projected onto the path (``task.joint_curve``) along the columns of D = W² J(s)ᵀ, W the joint
 scales: q = s + D λ, so that the path equations g(q, t), ġ and g̈ are 0. With G = (J D)⁻¹, K = D G, Π = I − K J,
-B = ∂ġ/∂q and C = ∂g̈/∂q the implicit function theorem gives, with multipliers fixed first,
+B = ∂ġ/∂q and C = ∂g̈/∂q the implicit function theorem gives the following changes δ. Those with index 0 are changes
+with the multiplier of the same order fixed.
 
     δq₀ = δs + δD λ,                     δq = Π δq₀,                       δλ = −G J δq₀,
     δq̇₀ = δṡ + δ(D λ)˙ + Ḋ δλ,           δq̇ = Π δq̇₀ − K B δq,              δλ̇ = −G (J δq̇₀ + B δq),
@@ -31,7 +32,7 @@ from paretoik.task.retraction_kernel import newton, project_rates, solve, write_
 class Curve(NamedTuple):
     """Evaluators, targets and scales that project the instants of a task's spline."""
 
-    projects: bool  # False for finite differences: the motion's state is that of its samples
+    projects: bool  # whether instants are projected; finite differences have only samples, which are on the path
     errors: tuple[np.ndarray, ...]  # evaluator of the task errors and their Jacobian at s and targets
     normals: tuple[np.ndarray, ...]  # evaluator of J, J̇ and J̈ at s, ṡ and s̈
     rates: tuple[np.ndarray, ...]  # evaluator of J, ġ and g̈
@@ -129,7 +130,7 @@ def project_instants(curve, work, u):
 
 @compiled
 def linearise_instants(curve, work):
-    """Write the derivatives of the last projected states, by instant last."""
+    """Write the derivatives of the last projected states; instants are the last axis."""
     if not curve.projects:
         return
     _, instants, n, rows = work.directions.shape
@@ -140,6 +141,7 @@ def linearise_instants(curve, work):
     jacobian, velocity, acceleration = work.bends[0], work.bends[1], work.bends[2]
     turn, bend = work.directions[1].transpose((1, 2, 0)), work.directions[2].transpose((1, 2, 0))
     _write_gains(jacobian, work.directions, inverse, gains)
+    # δ(s + D λ), δ(ṡ + (D λ)˙) and δ(s̈ + (D λ)¨) with multipliers fixed
     for o in range(3):
         for p in range(instants):
             places[o * n : (o + 1) * n, p] = work.spline[o, p]
@@ -151,15 +153,18 @@ def linearise_instants(curve, work):
     for i in range(n):
         held[0, i, i] += 1.0
         free[i, i] = 1.0
+    # δq = Π δq₀, δλ = −G J δq₀
     rates[:], moves[:] = 0.0, 0.0
     _add_product(gains[0], jacobian, -1.0, free)
     _add_product(free, held[0], 1.0, rates[0])
     _add_bend(inverse, jacobian, -1.0, held[0], along, moves[0])
+    # δq̇₀ gets Ḋ δλ; δq̇ = Π δq̇₀ − K B δq, δλ̇ = −G (J δq̇₀ + B δq)
     _add_product(turn, moves[0], 1.0, held[1])
     _add_product(free, held[1], 1.0, rates[1])
     _add_bend(gains[0], velocity, -1.0, rates[0], along, rates[1])
     _add_bend(inverse, jacobian, -1.0, held[1], along, moves[1])
     _add_bend(inverse, velocity, -1.0, rates[0], along, moves[1])
+    # δq̈₀ gets D̈ δλ + 2 Ḋ δλ̇; δq̈ = Π δq̈₀ − K (C δq + 2 B δq̇), δλ̈ = −G (J δq̈₀ + C δq + 2 B δq̇)
     _add_product(bend, moves[0], 1.0, held[2])
     _add_product(turn, moves[1], 2.0, held[2])
     _add_product(free, held[2], 1.0, rates[2])
@@ -168,8 +173,7 @@ def linearise_instants(curve, work):
     _add_bend(inverse, jacobian, -1.0, held[2], along, moves[2])
     _add_bend(inverse, acceleration, -1.0, rates[0], along, moves[2])
     _add_bend(inverse, velocity, -2.0, rates[1], along, moves[2])
-    # the derivatives of states from ∂q/∂s, ∂q̇/∂s and ∂q̈/∂s, joints divided by their scales. The jerks are those
-    # of the spline
+    # the derivatives of states from ∂q/∂s, ∂q̇/∂s and ∂q̈/∂s, joints divided by their scales; jerks are the spline's
     variables = len(work.chain)
     for o in range(min(variables // n, 3)):
         for k in range(o + 1):
@@ -233,7 +237,7 @@ def _add_bend(gain, bend, factor, moves, along, out):
 def chain_directions(work, du):
     """Overwrite directions (states, instants) of the spline's state with the curve's.
 
-    Rows after the states stay.
+    Rows after the states, if any, get the spline's.
     """
     states, _, instants = work.chain.shape
     if not instants:
@@ -252,7 +256,7 @@ def chain_directions(work, du):
 def chain_gradient(work, gradient, out):
     """Write the gradient by the spline's state.
 
-    The given gradient is by the curve's state and, in rows after it, by the spline's own state.
+    ``gradient`` is by the curve's state and, in further rows, by the spline's own state.
     """
     chain = work.chain
     if not chain.shape[2]:
@@ -301,11 +305,10 @@ def curve_multipliers(curve, work, gradient, multipliers):
 
 @compiled
 def _write_twist(curve, work):
-    """Write the mixed derivatives of P by the spline's state and λ.
+    """Write the mixed derivatives of P by the spline's state and λ, times ∂λ by this state.
 
-    They are multiplied by the derivatives of λ by the spline's state. P is the second derivative by time of
-    ρᵀ W² Jᵀ λ, if ρ, ρ̇ and ρ̈ are r₂, r₁ / 2 and r₀. With L = ∂λ/∂s and U = ∂(J ρ)/∂s, it is the symmetric part of
-    (2 Uᵀ L)⁽ᵒ⁾.
+    P is the second derivative by time of ρᵀ W² Jᵀ λ, if ρ, ρ̇ and ρ̈ are r₂, r₁ / 2 and r₀. With L = ∂λ/∂s and
+    U = ∂(J ρ)/∂s, the result is the symmetric part of (2 Uᵀ L)⁽ᵒ⁾.
     """
     _, instants, n, rows = work.directions.shape
     places, slopes = np.empty((6 * n, instants)), np.empty((3, rows, n, instants))
@@ -332,7 +335,7 @@ def _write_twist(curve, work):
 
 @compiled
 def add_twist(work, p, phi):
-    """Add changing directions D to second derivatives by the spline's state."""
+    """Add the terms of changing directions D to second derivatives by the spline's state."""
     n = work.twist.shape[1]
     for o in range(min(len(phi) // n, 3)):
         for k in range(min(len(phi) // n, 3 - o)):

@@ -47,15 +47,15 @@ def curve_arrays(task: MotionTask) -> Curve:
 def _targets(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
     """Return targets (instants, numbers) and the array of inputs.
 
-    The inputs have space for q, q̇ and q̈, then targets and their derivatives.
+    The inputs are space for q, q̇ and q̈, then targets and their derivatives.
     """
     parts = instant_targets(task)
-    room = np.zeros((3 * task.arm.dof, len(task.instants)))
-    return np.ascontiguousarray(parts[0]), np.concatenate([room, *(part.T for part in parts)])
+    space = np.zeros((3 * task.arm.dof, len(task.instants)))
+    return np.ascontiguousarray(parts[0]), np.concatenate([space, *(part.T for part in parts)])
 
 
 def instant_targets(task: MotionTask) -> tuple[np.ndarray, ...]:
-    """Return all tasks' targets (instants, numbers), with first and second derivatives."""
+    """Return all tasks' targets (instants, numbers), and their first and second derivatives."""
     targets = target_rates(task.tasks, task.instants)
     for part in targets if task.cyclic else ():
         part[-1] = part[0]
@@ -63,17 +63,16 @@ def instant_targets(task: MotionTask) -> tuple[np.ndarray, ...]:
 
 
 def _trace_gradients(arm: Arm, tasks: Sequence[Task]) -> tuple[Tape, list[int]]:
-    """Return the tape of J, B and C, with ``rate_evaluator``'s inputs."""
+    """Return the tape of J, B and C, with the inputs of ``rate_evaluator``."""
     tape, (q, *_), parts = trace_path(arm, tasks)
     return tape, [entry for part in parts for each in part for entry in gradient(tape, each, q)]
 
 
 def _trace_slopes(arm: Arm, tasks: Sequence[Task], *, transposed: bool) -> tuple[Tape, list[int]]:
-    """Return the tape of gradients of J ρ or Jᵀ λ.
+    """Return the tape of gradients by s of J ρ, or of Jᵀ λ if ``transposed``.
 
-    They are by s, also for its first and second derivatives by time.
-
-    Its inputs are s, ṡ and s̈, then ρ, ρ̇ and ρ̈, or λ, λ̇ and λ̈.
+    The gradients of their first and second time derivatives follow. The inputs are s, ṡ and s̈, then ρ, ρ̇ and ρ̈, or
+    λ, λ̇ and λ̈.
     """
     tape, n = Tape(), arm.dof
     count = sum(task.rows for task in tasks) if transposed else n

@@ -15,7 +15,7 @@ WINDOW = 6  # number of samples that a spline's position, rates and jerk between
 
 
 class Stencil(NamedTuple):
-    """u of instant i: Σ_k ``coefficients``[order, i, k] q of ``neighbours``[i, k].
+    """Coefficients of u: at instant i it is Σ_k ``coefficients``[order, i, k] · q[``neighbours``[i, k]].
 
     On a cycle the last sample moves with the first. If the motion ends at rest, the last sample moves with the one
     before, as far as the path allows.
@@ -25,7 +25,7 @@ class Stencil(NamedTuple):
     coefficients: Float[np.ndarray, "orders instants width"]
     first_unknown: Int[np.ndarray, " time"]  # index of the first unknown of each sample, −1 if it cannot move
     unknowns: int
-    # number of last unknowns, in the border of Newton's matrix: they couple the end of a cycle to its start
+    # number of the last unknowns: they couple the end of a cycle to its start, in the border of Newton's matrix
     border: int
 
     @property

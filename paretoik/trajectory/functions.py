@@ -1,6 +1,7 @@
 """Objectives and limits of a task as expressions on a tape.
 
-Functions of one sample become sums over samples, or rows with bounds at every sample; others functions of whole motion.
+Functions of one sample become sums over samples, or rows with bounds at every sample. The other functions become
+functions of the whole motion.
 """
 
 from __future__ import annotations
@@ -34,16 +35,19 @@ from paretoik.task.traced_motion import (
     trace_sample_function,
 )
 
-# Functions of the whole motion: they relate its samples to one another. Each is a sum of maxima over groups of
-# numbers, or a factor times the length of a vector. The numbers, ``parts``, are smooth. Derivatives are by positions
-# and rates of all samples; second derivatives are taken along directions.
+# Functions of the whole motion, which relate its samples to one another
+#
+#     F = Σ max(group) over groups of parts,  or  F = factor · ‖parts‖
+#
+# The parts are smooth numbers. Derivatives are by positions and rates of all samples; second derivatives are taken
+# along directions.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WholeFunction:
     """A function of all u (orders · time · dof).
 
-    It is a sum of maxima over ``groups`` of parts, or ``factor`` times the length of the parts, without groups.
+    It is Σ max(group) over ``groups`` of parts, or ``factor`` · ‖parts‖ if there are no groups.
     """
 
     name: str
@@ -51,7 +55,7 @@ class WholeFunction:
     factor: float
     parts: int
     value: Evaluator
-    jacobian_evaluator: Evaluator  # evaluator of the derivatives of parts ``rows`` by inputs ``columns``
+    jacobian_evaluator: Evaluator  # evaluator of the derivatives of parts (``rows``) by inputs (``columns``)
     rows: Int[np.ndarray, " entries"]
     columns: Int[np.ndarray, " entries"]
     # evaluator of the entries ``hessian_columns`` of H · direction, with H the Hessian of Σ multiplier · part; it takes
@@ -61,7 +65,7 @@ class WholeFunction:
     inputs: int
 
     def combine(self, values: Float[np.ndarray, " parts"]) -> float:
-        """Return the function's value from values of its parts."""
+        """Return the function's value from the values of its parts."""
         if not len(self.groups):
             return self.factor * float(np.linalg.norm(values))
         return float(np.maximum.reduceat(values, self.groups).sum())
@@ -73,7 +77,7 @@ class WholeFunction:
 
     @property
     def epigraph_columns(self) -> int:
-        """Number of epigraph variables: one per length, or group of several parts."""
+        """Number of epigraph variables: one per group of several parts, or one for a length."""
         return sum(part.stop - part.start > 1 for part in self.slices) if len(self.groups) else 1
 
     def jacobian(self, u: Float[np.ndarray, " inputs"]) -> sparse.csr_array:
@@ -84,7 +88,7 @@ class WholeFunction:
     def linearise(
         self, u: Float[np.ndarray, " inputs"], parts: np.ndarray, by_columns: sparse.csr_array, column: int
     ) -> tuple[np.ndarray, list[np.ndarray], list[sparse.csr_array], list[Cone]]:
-        """Return the gradient by columns, ties, rows of ties, and cones.
+        """Return (gradient by the columns, ties, Jacobian rows of ties, cones).
 
         ``by_columns`` has the derivatives of u (inputs, columns). Epigraph variables begin at ``column``.
         """
@@ -127,7 +131,7 @@ class WholeFunction:
 
 
 def whole_function(tape: Tape, name: str, value: object) -> WholeFunction:
-    """Return the function that was traced with all u as inputs."""
+    """Return the ``WholeFunction`` of a value traced with all u as inputs."""
     entry, count = as_entry(tape, value), len(tape.inputs)
     norm, zero = norm_terms(tape, entry), tape.constant(0.0)
     # one group for all smooth addends, and one for the pieces of each addend with kinks
@@ -175,7 +179,7 @@ def whole_function(tape: Tape, name: str, value: object) -> WholeFunction:
 
 @dataclass(frozen=True, kw_only=True)
 class Total:
-    """Number ``index`` of a kind, for the whole motion, at most ``upper``."""
+    """A number of the whole motion, at most ``upper``; ``index`` is its index within its kind."""
 
     name: str
     kind: Literal["sum", "peak", "whole"]
@@ -187,8 +191,8 @@ class Total:
 class Functions:
     """The functions of a task, as entries on a sample's tape.
 
-    Integrals with kinks are taken on the spline: travel, for example, is equal for many motions, and errors of
-    Simpson's rule on the curve would make them differ.
+    Integrals with kinks are taken on the spline. Many motions have the same travel, for example, but errors of
+    Simpson's rule on the curve would make it differ.
     """
 
     task: MotionTask
@@ -197,8 +201,8 @@ class Functions:
     totals: list[Total] = field(default_factory=list)
     sums: list[int] = field(default_factory=list)  # entries that are integrated
     names: list[str] = field(default_factory=list)
-    # entries by name; ``bounds`` (time, 3): lower bound, upper bound, and range that divides violations
-    rows: list[int] = field(default_factory=list)
+    rows: list[int] = field(default_factory=list)  # entries that are bounded at every instant, one per name
+    # (instants, 3) of each row: lower bound, upper bound, and range that divides violations
     bounds: list[np.ndarray] = field(default_factory=list)
     # epigraph variable σ of each peak, the largest piece at any sample
     epigraph_variables: list[int] = field(default_factory=list)
@@ -208,7 +212,7 @@ class Functions:
 
     @property
     def distances(self) -> list[int]:
-        """Entries of the distances to obstacles, pieces that meet without a kink."""
+        """Entries that clearance depends on; pieces of distances meet without a kink."""
         tape, obstacles = self.motion.trace.tape, self.task.obstacles
         return dependencies(tape, [as_entry(tape, self.motion.clearance.entries)] if obstacles else [])
 
@@ -229,7 +233,7 @@ def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
     functions = Functions(task=task, motion=motion, spline=trace_sample_again(motion, scales))
     for term, share in zip(task.objectives, shares, strict=True):
         _add_total(functions, f"objective {term.name}", term, term.sign * float(share), np.inf)
-    # add all limits except those on positions, and on rates at samples: these limit variables
+    # add the limits, except those on positions, and on rates at samples, which bound variables
     inner = ["velocity"] if task.differences == "spline" and "velocity" in task.bounds else []
     for kind in (*inner, *(load for load in ("torque", "power") if load in task.bounds)):
         limits = task.bounds_at(kind, task.instants)

@@ -3,7 +3,7 @@
 The postures of a sample are on a few curves, cut into evenly spaced nodes; two nodes of consecutive samples are joined
 if no joint moves too far. If objectives and limits depend only on positions and velocities (backward differences), the
 best path is exact on this grid, and ``lower_bound`` bounds all motions between its nodes. If they depend on
-accelerations, states are pairs of nodes, on fewer samples: a source of starts, without bound.
+accelerations, states are pairs of nodes on fewer samples; the paths are then only starts, and there is no bound.
 
 Source: Bellman 1957 (dynamic programming); Burdick 1989 (self-motion curves).
 """
@@ -54,10 +54,10 @@ class GridOptions:
     pace: float = 2.5  # largest pace of joints without velocity limit, as a multiple of the path's own pace
     quick_nodes: int = 30_000  # largest number of nodes of a quick grid
     distinct: float = 0.15  # rad or arm lengths, RMS: a path nearer to a better one counts as equal to it
-    transitions: int = 40_000_000  # largest number of transitions: more do not fit the memory of a small machine
+    transitions: int = 40_000_000  # largest number of transitions: more do not fit into a small machine's memory
     block: int = 200_000  # number of samples that are evaluated at once
-    cell: int = 2  # nodes by which a step between a cell's corners exceeds the step of a motion in it (for the bound)
-    margin: int = 4  # number of nodes beyond windows and ranges of joints that have transitions (for the bound)
+    cell: int = 2  # for the bound: nodes by which steps of a cell's corners may exceed those of motions in it
+    margin: int = 4  # for the bound: number of nodes by which windows and joint ranges are extended
 
 
 OPTIONS = GridOptions()
@@ -71,9 +71,8 @@ class Terms:
     """
 
     cost: Series
-    # postures, rates: excess over limits on postures, and on rates
-    postures: Series
-    rates: Series
+    postures: Series  # excess over limits on postures
+    rates: Series  # excess over limits on rates
     second: bool  # whether a cost or a limit depends on accelerations
 
     def sample_costs(self, motion: Motion) -> np.ndarray:
@@ -131,10 +130,10 @@ def derivative_order(task: MotionTask, term: Series, q: np.ndarray) -> int:
             try:
                 values = term(instant_motions(task, q, *rates))
             except EvaluationFailed as error:
-                raise InvalidInput(f"grid_oracle: functions must accept NaN in rates, got {error}") from error
+                raise InvalidInput(f"grid_oracle: functions must accept NaN in rates: {error}") from error
         if not np.isnan(values).any():
             return order
-    raise InvalidInput("grid_oracle: objectives and limits must be numbers and look no further than accelerations")
+    raise InvalidInput("grid_oracle: objectives and limits must be finite functions of q, dq and ddq, got NaN")
 
 
 def instant_motions(task: MotionTask, q: np.ndarray, dq: np.ndarray | float, ddq: np.ndarray | float) -> Motion:
@@ -152,7 +151,7 @@ def evaluate_at(task: MotionTask, term: Series, counts: Sequence[int], at: At) -
     """
     limit, total = OPTIONS.transitions, sum(counts)
     if total > limit:
-        raise InvalidInput(f"resolution must give at most {limit:.3g} transitions, got {total:.3g}: make it coarser")
+        raise InvalidInput(f"resolution must give at most {limit:.3g} transitions, got {total:.3g}; make it coarser")
     values_at = [np.empty(count) for count in counts]
     rows, longest = max(1, OPTIONS.block // len(counts)), max(counts)
     for first in range(0, longest, rows):
@@ -170,7 +169,7 @@ def evaluate_at(task: MotionTask, term: Series, counts: Sequence[int], at: At) -
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PostureGrid:
-    """Nodes (nodes, dof) of every sample, and the next on their curves."""
+    """Nodes (nodes, dof) of every sample, and each node's next one on its curve."""
 
     nodes: list[Float[np.ndarray, "_ dof"]]
     next_node: list[Int[np.ndarray, " _"]]  # index of each node's next one; −1 at the end of a curve
@@ -179,7 +178,7 @@ class PostureGrid:
     scales: Float[np.ndarray, " dof"]  # units of joint distances
 
     def step(self, later: np.ndarray, before: np.ndarray) -> np.ndarray:
-        """Return the shortest way of every joint between postures."""
+        """Return every joint's shortest displacement between postures."""
         return wrap_difference(later - before, self.turning)
 
     def edges(self, i: int) -> tuple[np.ndarray, np.ndarray]:
@@ -235,8 +234,8 @@ def posture_grid(
 ) -> PostureGrid:
     """Return the nodes of every sample, ``spacing`` apart on its curves.
 
-    Distances are in rad, slides in arm lengths. Joints are at most ``beyond`` past their ranges. Different turns of
-    ``unrolled`` joints are different nodes.
+    Distances are in rad, or arm lengths if prismatic. Joints are at most ``beyond`` past their ranges. Different turns
+    of ``unrolled`` joints are different nodes.
     """
     cut = [[resample_curve(task.arm, curve, spacing) for curve in here] for here in curves]
     samples = np.repeat(np.arange(len(cut)), [sum(len(q) for q, _ in here) for here in cut])
@@ -253,7 +252,7 @@ def posture_grid(
         ahead = np.concatenate([np.where(n < 0, -1, n + first) for (_, n), first in zip(here, firsts, strict=True)])
         mask = retracted.on_path[rows][which]
         nodes.append(there[mask])
-        # each node's next one in the same turn: ``kept`` are the nodes' places, ``ahead`` the next places of all places
+        # next node in the same turn; ``kept`` has the nodes' indices on the curves, ``ahead`` each index's next one
         scaled, kept = nodes[i] / scales, which[mask]
         order = np.argsort(kept, kind="stable")
         low, high = (np.searchsorted(kept[order], ahead[kept], side=side) for side in ("left", "right"))
@@ -314,7 +313,7 @@ def build_graph(grid: PostureGrid, pairs: list[tuple[np.ndarray, np.ndarray]], c
 def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: float) -> float:
     """Return a lower bound on every motion within the grid's windows.
 
-    It is infinite if limits allow none. ``grid`` has all nodes, and some beyond the joints' ranges.
+    It is infinite if no motion satisfies the limits. ``grid`` has all nodes, and some beyond the joints' ranges.
     """
     wide = replace(grid, windows=grid.windows + OPTIONS.margin * spacing * grid.scales)
     pairs, edge = transitions(task, wide)
@@ -338,7 +337,7 @@ Pair = tuple[np.ndarray, np.ndarray]  # indices of the neighbours on both sides,
 
 
 def _neighbours(ahead: np.ndarray) -> Pair:
-    """Return the node after and the node before each on its curve."""
+    """Return each node's next and previous one on its curve."""
     behind = np.full(len(ahead), -1)
     inner = np.flatnonzero(ahead >= 0)
     behind[ahead[inner]] = inner
@@ -348,9 +347,9 @@ def _neighbours(ahead: np.ndarray) -> Pair:
 def _neighbouring_transitions(
     sources: np.ndarray, ends: np.ndarray, before: np.ndarray, here: np.ndarray
 ) -> list[Pair]:
-    """Return the transitions next to each.
+    """Return the neighbours of each transition.
 
-    The first pair has the next and the last source, the second pair the next and the last end.
+    The first pair begins at the next and the previous node, the second pair ends at them.
     """
     width = len(before)
     keys = ends * width + sources  # ascending
@@ -368,7 +367,7 @@ def _neighbouring_transitions(
 
 
 def _interpolation_error(values: np.ndarray, pair: Pair, around: list[Pair]) -> np.ndarray:
-    """Return the largest interpolation error in cells around, estimated from second differences."""
+    """Return the largest interpolation error in the cells around, estimated from second differences."""
     after, before = pair
     second_differences = values[after] + values[before] - 2 * values
     convex = np.maximum(np.where((after >= 0) & (before >= 0), second_differences, np.nan), 0.0)  # NaN stays NaN
@@ -377,14 +376,14 @@ def _interpolation_error(values: np.ndarray, pair: Pair, around: list[Pair]) -> 
 
 
 def _neighbourhood_max(values: np.ndarray, around: list[Pair]) -> np.ndarray:
-    """Return the largest known value of each and its neighbours; else NaN."""
+    """Return the largest value of each and its neighbours; NaN only if all are NaN."""
     for pair in around:
         values = np.fmax.reduce([values, *(np.where(side >= 0, values[side], np.nan) for side in pair)])
     return values
 
 
 def _may_satisfy(excess: np.ndarray, around: list[Pair]) -> np.ndarray:
-    """Return which transitions may satisfy limits within an adjacent cell."""
+    """Return which nodes or transitions may satisfy limits within an adjacent cell."""
     margin: np.ndarray | float = 0.0
     for pair in around:  # first differences between neighbours
         differences = [np.where(side >= 0, np.abs(excess[side] - excess), 0.0) for side in pair]
@@ -397,9 +396,9 @@ def _may_satisfy(excess: np.ndarray, around: list[Pair]) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridOracle:
-    """The best motions of all classes on the grid, and distant ones.
+    """The best motion of every class on the grid, and motions far from these.
 
-    The bound's error decreases with the square of the resolution; if limits are active, in proportion to it.
+    The bound's error is proportional to the square of the resolution, or to the resolution if limits are active.
     """
 
     q: Float[np.ndarray, "paths time dof"]  # joint positions of the motions, best first
@@ -424,27 +423,27 @@ def grid_oracle(
     """Return the best paths through a grid of postures, one per class.
 
     task: motion task with redundancy one, integral objectives, whose sum is minimised, and backward differences
-    resolution: distance [rad, the arm's length] between nodes; None for a share of the largest step of a joint between
-        samples, or more if there were too many nodes
+    resolution: distance [rad, the arm's length] between nodes; None for a share of a joint's largest step between
+        samples, or more if nodes would be too many
     classes: largest number of motions; the first ones are one per class (bends of joints and their turns)
     quick: whether to leave out the bound, and to refuse slow problems
 
-    Joints without velocity limit may move at a few times the pace that the path needs. Raises InvalidInput if the
-    redundancy is not one, or for other unsupported parts, with ``quick`` also for accelerations and very many postures;
-    OutOfReach if the path is out of reach; Infeasible if no path through the grid exists.
+    Joints without velocity limit may move at a few times the pace that the path needs. Raises InvalidInput if the task
+    is unsupported, or slow despite ``quick`` (accelerations, very many nodes); OutOfReach if the path is out of reach;
+    Infeasible if no path through the grid exists.
     """
     if task.redundancy != 1:
         raise InvalidInput(f"grid_oracle: redundancy must be 1, got {task.redundancy}")
     if task.differences != "backward" or task.ends_at_rest:
         wrong = "end_velocity=0" if task.ends_at_rest else f"{task.differences} differences"
-        raise InvalidInput(f"grid_oracle: differences must be backward and the end free, got {wrong}")
+        raise InvalidInput(f"grid_oracle: task must have backward differences and no end_velocity, got {wrong}")
     if resolution is not None and not resolution > 0:
         raise InvalidInput(f"resolution must be a positive distance in rad, got {resolution}")
     # nodes on the curves of postures, and windows of steps
     seeds, pace = postures_along_path(task, np.random.default_rng(0))
     terms = build_terms(task, np.stack([q[0] for q in seeds])[None])
     if quick and terms.second:
-        raise InvalidInput("grid_oracle: quick=True must have no objectives or limits of accelerations, got some")
+        raise InvalidInput("grid_oracle: objectives and limits must not depend on accelerations if quick=True")
     level = coarsest_level(task) if terms.second else task
     sample_index = np.searchsorted(task.times, level.times)
     windows = step_windows(level, OPTIONS.pace * pace * (len(task.times) - 1) / (len(level.times) - 1))
@@ -453,8 +452,8 @@ def grid_oracle(
     unrolled = np.zeros(task.arm.dof, dtype=bool)
     if quick and count_nodes(task, curves, spacing) > OPTIONS.quick_nodes:
         limit = OPTIONS.quick_nodes
-        raise InvalidInput(f"grid_oracle: quick=True must have at most {limit} nodes, got more, {spacing:g} rad apart")
-    while True:  # the best path
+        raise InvalidInput(f"grid_oracle: quick=True allows at most {limit} nodes, got more, {spacing:g} rad apart")
+    while True:  # the shortest path: cost to a state = min over transitions of (cost to its source + transition)
         grid = _feasible_grid(level, posture_grid(level, curves, spacing, windows, unrolled), terms)
         layers = (_pair_graph if terms.second else _node_graph)(level, grid, terms)
         layers = layers.prune([np.isfinite(cost) for cost in layers.costs], layers.start)
@@ -465,7 +464,7 @@ def grid_oracle(
         wound = level.cyclic & level.arm.periodic & (np.abs(q[-1] - q[0]) > 1.0)
         if not wound.any():
             break
-        unrolled |= wound  # the best cycle ends whole turns away from its start: keep turns of these joints apart
+        unrolled |= wound  # the best cycle ends whole turns away from its start: tell turns of these joints apart
     paths = [states, *distinct_paths(layers, level.cyclic, round(OPTIONS.distinct / spacing))]
     motions = np.stack([grid.motion(layers.node_path(path)) for path in paths])
     selection = _select_paths(task, level, grid, terms, motions, classes)
@@ -499,7 +498,7 @@ def _pair_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGra
     transitions_of = [(np.zeros(0, dtype=int),) * 2]
     for i in range(1, len(nodes)):
         if i > first:
-            # all pairs (first, second) whose second begins at the end of the first, sorted by the first's end
+            # all transitions from a pair to a pair that begins at its second node
             begins = pairs[i][0]
             low, high = (np.searchsorted(pairs[i - 1][1], begins, side=side) for side in ("left", "right"))
             ends = np.repeat(np.arange(len(begins)), high - low)
@@ -574,7 +573,7 @@ def _select_paths(
                         selected[k][0] = task.start
     order = sorted(selected, key=lambda k: cost[k])
     if not order:
-        raise Infeasible(f"every path through the grid of {len(level.times)} samples leaves the path between them")
+        raise Infeasible(f"every motion through the grid of {len(level.times)} samples leaves the path between them")
     final = task.motion(np.stack([selected[k] for k in order]))
     return {
         "q": final.q,
@@ -588,11 +587,9 @@ def _no_path_error(task: MotionTask, layers: LayeredGraph, spacing: float) -> In
     """Return the error, which names the sample that paths reach."""
     reached = [np.isfinite(value).any() for value in layers.forward(layers.start)]
     if all(reached):
-        return Infeasible(
-            "no path through the grid is closed: every one that satisfies the limits ends in another posture"
-        )
+        return Infeasible("no motion through the grid is closed: all that satisfy the limits end in another posture")
     i = len(task.times) - len(reached) + reached.index(False)
     return Infeasible(
-        f"no path through the grid, its nodes {spacing:.3g} rad apart, comes to sample {i} of {len(task.times)} "
+        f"no motion through the grid (nodes {spacing:.3g} rad apart) reaches sample {i} of {len(task.times)} "
         f"({task.times[i]:.3g} s) within the limits"
     )

@@ -42,8 +42,7 @@ from paretoik.trajectory.transcription import MotionProgram, motion_program
 def warn_of_obstructed_path(task: MotionTask) -> None:
     """Warn if an obstacle is too near to the tool's path.
 
-    This is not an error, because a search may still look for the least-violating motion. The tool is the last link's
-    end.
+    It is no error, because a search may still look for the least-violating motion. The tool is the last link's end.
     """
     for distances in _tool_distances(task):
         obstacle, sample = np.unravel_index(int(np.argmin(distances)), distances.shape)
@@ -54,15 +53,15 @@ def warn_of_obstructed_path(task: MotionTask) -> None:
         shape = type(task.obstacles[int(obstacle)]).__name__.lower()
         where = f"reaches {-distance:.3g} m into it" if distance < 0 else f"is {distance:.3g} m away from it"
         warn_user(
-            f"path: obstacle {obstacle + 1}, a {shape}, is in its way: at sample {sample} "
-            f"({task.times[sample]:.4g} s), the worst of {count}, the end of link {task.arm.dof} (of radius "
-            f"{task.link_radius:g} m) {where}, but the clearance must be {task.min_clearance:g} m: no motion along it "
-            "is feasible"
+            f"path: obstacle {obstacle + 1} ({shape}) is in its way: at sample {sample} "
+            f"({task.times[sample]:.4g} s, the worst of {count}) the end of link {task.arm.dof} "
+            f"(radius {task.link_radius:g} m) {where}, but the clearance must be {task.min_clearance:g} m; "
+            "no motion along the path is feasible"
         )
 
 
 def obstructed_sample(task: MotionTask, sample: int | None = None) -> int | None:
-    """Return the worst, or the given, sample with an obstacle too near."""
+    """Return the sample (None: the worst) if an obstacle is too near there, else None."""
     worst, found = 0.0, None
     for distances in _tool_distances(task):
         excess = task.min_clearance - distances.min(axis=0)
@@ -94,8 +93,8 @@ def _tool_distances(task: MotionTask) -> Iterator[Float[np.ndarray, "obstacles t
 class InfeasibilityOptions:
     """Settings of the decision whether all limits can be satisfied."""
 
-    doubt: float = 1e-3  # share of a range: the search handles smaller violations
-    clear: float = 0.1  # share of a range: no finer level or posture removes a larger violation of rates and torques
+    doubt: float = 1e-3  # share of a range: searches decide about smaller violations
+    clear: float = 0.1  # share of a range: no finer level or posture removes larger violations of rates and torques
     starts: int = 24  # number of roll-outs, and number of motions that travel along the self-motion
     finer: int = 8  # number of least-violating motions that continue on a finer level, and number of new starts there
     halvings: int = 6  # number of halvings of the interval that contains the least violation of all limits
@@ -127,9 +126,9 @@ def require_feasible(task: MotionTask, rollouts: JointPaths, observe: ObserveLev
 
     First, postures are tested at the samples at which no motion of ``rollouts`` (motions on the path) satisfies the
     limits. Then the violation of limits is minimised from roll-outs and motions that travel along the self-motion on
-    the coarsest level, and from the best of these and new ones on finer levels. The search gets the problem if a motion
-    (nearly) satisfies the limits, or if a limited function has no value or no derivative, or is a function of the whole
-    motion. Raises Interrupted after a signal.
+    the coarsest level, and from the best of these and new ones on finer levels. The decision is left to the search if a
+    motion (nearly) satisfies the limits, or if a limited function has no value or no derivative, or is a function of
+    the whole motion. Raises Interrupted after a signal.
     """
     if not (_violations(task, rollouts) > OPTIONS.doubt).all():
         return
@@ -173,17 +172,17 @@ def _violations(level: MotionTask, q: JointPaths) -> Float[np.ndarray, " motions
 def _limits_program(level: MotionTask) -> MotionProgram | None:
     """Return the program of a task's limits, if there is one.
 
-    There is no such program if a limit has no derivative, or is a function of the whole motion.
+    Limits without a derivative, or on functions of the whole motion, have no program.
     """
     try:
         program = motion_program(replace(level, objectives=(squared_velocity,)))
-    except InvalidInput:  # solvers name it in their error; searches need no derivatives
+    except InvalidInput:  # solvers name the limit in their error; searches need no derivatives
         return None
     return None if program.unsupported else program
 
 
 def _minimise_violation(program: MotionProgram, q: JointPaths, share: float = 0.0) -> Solutions:
-    """Return motions that locally violate widened limits least."""
+    """Return local minima of the violation of limits widened by ``share`` of their ranges."""
     limits = slice(program.elastic)
     bounds = program.bounds.copy()
     bounds[limits] -= share * program.sides[limits] * program.ranges[limits]
@@ -192,9 +191,9 @@ def _minimise_violation(program: MotionProgram, q: JointPaths, share: float = 0.
 
 
 def _least_violating(program: MotionProgram, q: JointPaths) -> Float[np.ndarray, "more time dof"]:
-    """Return motions, first a new one whose largest violation is least.
+    """Return motions, first a new one that has the least largest violation.
 
-    It is found by widening all limits by the same share.
+    It is found by bisection of the share by which all limits are widened.
     """
     q = q[np.argsort(_violations(program.task, q))]
     low, high = 0.0, float(_violations(program.task, q[:1])[0])
@@ -238,7 +237,8 @@ def infeasible_error(
     violations = level.violations(motion)
     limit = level.limit_names[int(np.argmax(violations))] if level.limit_names else ""
     message = "no motion within the limits was found"
-    free = replace(level, obstacles=())  # is there a motion without obstacles?
+    # whether there is a motion without obstacles
+    free = replace(level, obstacles=())
     program = _limits_program(free) if level.obstacles and sample is None and limit != "clearance" else None
     if program is not None and _violations(free, _minimise_violation(program, q).x).min() <= OPTIONS.doubt:
         place = level.worst_instant(level.limit_names.index("clearance"), motion)
@@ -250,7 +250,7 @@ def infeasible_error(
     proof = ""
     if kind in ("position", "clearance", "velocity"):
         samples = [task.worst_sample(number, full) if sample is None else sample]
-        if kind == "velocity":  # velocity limits are often too low at other samples too, first at the fastest
+        if kind == "velocity":  # velocity limits are often too low at other samples too, first at the fastest one
             pace = sum(
                 np.linalg.norm(np.gradient(one.path.positions, task.times, axis=0), axis=1) for one in task.tasks
             )
@@ -261,7 +261,7 @@ def infeasible_error(
         proved = next((each for each in samples if no_posture_keeps_limits(task, each)), None)
         if proved is not None:
             message = "no motion can satisfy the limits"
-            proof = f" (proved: no posture at sample {proved}, {task.times[proved]:.3g} s, does)"
+            proof = f" (proved: no posture at sample {proved}, {task.times[proved]:.3g} s, satisfies them)"
     return Infeasible(
         f"{message}{proof}; of the least-violating one, {level.describe_violation(motion, numbers) or status}"
         + remedy_text(task, full, sample),
@@ -288,8 +288,8 @@ def _worst_limit(task: MotionTask, motion: Motion) -> tuple[str, int, float]:
 def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> str:
     """Return remedies for the limit that the least-violating motion violates most.
 
-    The text is "" for a user's own limit. It says so if gravity is too large to hold the arm at rest, or if none of the
-    postures tried at the sample, by default the worst one, satisfies the limits.
+    The text is "" for a user's own limit. It tells if gravity is too large to hold the arm at rest, or if none of the
+    postures tried at ``sample`` (None: the worst one) satisfies the limits.
     """
     kind, limit, _ = _worst_limit(task, motion)
     if not kind:
@@ -305,7 +305,7 @@ def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> 
                 joint = int(np.nanargmax(torque / limits))
             unit = "N m" if task.arm.periodic[joint] else "N"
             return (
-                f"; gravity is too much to hold the arm at rest at sample {rest} ({task.times[rest]:.3g} s): in the "
+                f"; gravity is too large to hold the arm at rest at sample {rest} ({task.times[rest]:.3g} s): in the "
                 f"best of {len(q)} postures tried {task.arm.joint_names[joint]} needs {abs(torque[joint]):.3g} {unit}, "
                 f"its limit is {abs(limits[joint]):.3g} {unit}; it may help: a smaller payload, a higher torque limit, "
                 "another place of the path"
@@ -347,13 +347,13 @@ def _best_postures(
 ) -> tuple[Float[np.ndarray, "tried dof"], Float[np.ndarray, " tried"]]:
     """Return postures that reach a sample, and their violations (``measure``).
 
-    They are random ones and ``others``, then the best of these, moved along the self-motion to smaller violations.
+    They are random postures and ``others``, then the best of these, moved along the self-motion to violate less.
     """
     value_of, rng = partial(measure or _posture_violation, task, sample), np.random.default_rng(0)
     if task.start is not None and sample == 0:
         return task.start[None], value_of(task.start[None])
     q = sample_postures(task, OPTIONS.postures, rng, sample=sample)
-    limits = task.arm.position_limits  # joints that rotate are in the turn nearest to the middle of their limits
+    limits = task.arm.position_limits  # revolute joints are in the turn nearest to the middle of their limits
     middle = np.where(np.isfinite(limits).all(axis=1, keepdims=True), limits, 0.0).mean(axis=1)
     q = q - 2 * np.pi * np.where(task.arm.periodic, np.round((q - middle) / (2 * np.pi)), 0.0)
     q = q if others is None else np.concatenate([q, others])
@@ -423,15 +423,15 @@ def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
     """Return whether provably no posture at a sample satisfies the limits.
 
     The limits are those on position and clearance, and on velocity from the sample before to the sample after. Boxes
-    of joint positions are halved until each breaks one (branch and bound, Land & Doig 1960). A box of half widths w
-    about c may contain a feasible posture only if, for any unit vector u, |∂²x/∂qᵢ∂qⱼ| ≤ Bᵢⱼ and links that end at most
-    Rᵢ from joint i,
+    of joint positions are halved until each violates one (branch and bound, Land & Doig 1960). A box of half widths w
+    about c may contain a feasible posture only if, for any unit vector u,
 
         |u·e(c)| ≤ Σᵢ |u·Jᵢ(c)| wᵢ + ½ Σᵢⱼ Bᵢⱼ wᵢ wⱼ                    e: error of the task
         d(c) + Σᵢ Rᵢ wᵢ ≥ the smallest clearance                      d: distance of a link
         u·Δx ≤ Σᵢ (|u·Jᵢ(c)| + Σⱼ Bᵢⱼ wⱼ) sᵢ + ½ Σᵢⱼ Bᵢⱼ sᵢ sⱼ          Δx: from sample to sample, s: steps of joints
 
-    The result is False if more than OPTIONS.boxes boxes are needed.
+    Bᵢⱼ is a bound of |∂²x/∂qᵢ∂qⱼ|; links end at most Rᵢ from joint i. The result is False if more than OPTIONS.boxes
+    boxes are needed.
     """
     arm = task.arm
     limits = _at_sample(task.bounds["position"], sample) if "position" in task.bounds else arm.position_limits
@@ -443,18 +443,18 @@ def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
         return True
     if not np.isfinite(limits).all():
         return False
-    # largest distance of each link's end from the axis of each joint; 1 for joints that slide, 0 if the link is before
-    # the joint and does not move with it. The last link includes the frames of tasks
+    # R: largest distance of each link's end from the axis of each joint; 1 for prismatic joints, 0 if the link does not
+    # move with the joint. The last link includes the frames of tasks
     arm, frames = task.arm, [task.arm.frame(each.frame) for each in task.tasks]
-    slides = np.where(arm.periodic, 0.0, np.abs(limits).max(axis=1))
-    lengths = [float(np.linalg.norm(pose.position)) for pose in arm.placements] + slides
+    strokes = np.where(arm.periodic, 0.0, np.abs(limits).max(axis=1))
+    lengths = [float(np.linalg.norm(pose.position)) for pose in arm.placements] + strokes
     offsets = [float(np.linalg.norm(pose.position)) for pose in (arm.tool, *(frame.pose for frame in frames))]
     ends = np.cumsum(np.append(lengths, max(offsets)))
     reach = np.maximum(ends[None] - ends[:-1, None], 0.0)
     moves = np.arange(arm.dof + 1)[None] > np.arange(arm.dof)[:, None] - ~arm.periodic[:, None]
     reach = np.where(moves, np.where(arm.periodic[:, None], reach, 1.0), 0.0)
     first, last = np.minimum.outer(*[np.arange(arm.dof)] * 2), np.maximum.outer(*[np.arange(arm.dof)] * 2)
-    bend = np.where(arm.periodic[first], np.where(arm.periodic[last], reach[last, -1], 1.0), 0.0)  # B
+    bend = np.where(arm.periodic[first], np.where(arm.periodic[last], reach[last, -1], 1.0), 0.0)  # bounds B
     # the neighbouring samples, and the largest joint steps to them within velocity limits. A step of a spline's samples
     # is an average of steps of its control points, which are limited. There is no result for uneven times, near ends of
     # a spline, or for central differences
@@ -494,7 +494,7 @@ def _may_reach(
     bend: np.ndarray,
     steps: Sequence[tuple[int, np.ndarray]],
 ) -> np.ndarray:
-    """Return a mask of the boxes that may reach a sample and, by ``steps``, its neighbours."""
+    """Return a mask of the boxes that may reach a sample, and its neighbours within ``steps``."""
     error, jacobian = task_errors(task.arm, task.tasks, center, task.targets[sample])
     rest, blur = np.einsum("bi,ij,bj->b", half, bend, half) / 2, half @ bend
     turning = (half * task.arm.periodic).sum(axis=1)
@@ -518,8 +518,8 @@ def _may_reach(
 def _directions(path: np.ndarray, jacobian: np.ndarray) -> list[Float[np.ndarray, "boxes axes"]]:
     """Return unit vectors along which the tool may be too slow.
 
-    They are along the path, and normal to columns of J: the possible velocities of the tool are a zonotope, whose
-    facets are normal to columns of J.
+    One is along the path, the others are normal to columns of J, as are the facets of the zonotope of the tool's
+    possible velocities.
     """
     along = path / max(float(np.linalg.norm(path)), 1e-300)
     candidates = [np.broadcast_to(along, jacobian.shape[:2])]

@@ -1,4 +1,4 @@
-"""Motions as arrays for compiled code: program and workspace, and steps on the self-motion of every sample.
+"""Motions as arrays for compiled code: program, workspace, and steps on the self-motion of every sample.
 
 The variables u of an instant, its position and rates, are sums over samples (``Stencil``). The unknowns of a sample are
 steps along its ``tangent`` (time, dof, unknowns), the null space of the tasks' Jacobian.
@@ -18,12 +18,11 @@ from paretoik.trajectory.discretisation import Stencil
 
 
 class MotionKernel(NamedTuple):
-    """A MotionProgram of sums and peaks as arrays.
+    """A ``MotionProgram`` of sums and peaks as arrays.
 
-    See ``MotionProgram``. A point has a row of joint positions per sample,
-    divided by ``scales``, then rows with the epigraph variables σ of its peaks. Path equations are evaluated at the
-    samples, functions at all instants. Functions of an instant are sums, limited rows (with the rows σ − piece of
-    peaks), then the ties of slacks v.
+    A point has a row of joint positions per sample, divided by ``scales``, then rows with the epigraph variables σ of
+    its peaks. Path equations are evaluated at the samples, functions at all instants. Functions of an instant are sums,
+    limited rows (with the rows σ − piece of peaks), then the ties of slacks v.
     """
 
     value: tuple[np.ndarray, ...]
@@ -48,22 +47,22 @@ class MotionKernel(NamedTuple):
     factors: np.ndarray  # (limits,): 1 / range for a lower limit, −1 / range for an upper one
     bounds: np.ndarray  # (limits,)
     scales: np.ndarray  # (dof,): units of joints
-    totals: np.ndarray  # (totals,): index of the sum, or −1 − index of the peak
+    totals: np.ndarray  # (totals,): index k of a sum, or −1 − k of a peak
     peak_inputs: np.ndarray  # (peaks,)
     row_peaks: np.ndarray  # (rows,): index of the row's peak, −1 if it has none
     kinks: np.ndarray  # (kinks, 4): input, variable, sign and first tie of a slack v, innermost first
     nesting: int  # largest depth of nested kinks
-    smoothing: float  # width of kinks, in barriers μ times sizes of arguments: number of kinks at all instants
+    smoothing: float  # width of kinks over μ · size of argument: number of kinks at all instants
     longest_step: float = 0.4  # largest step of a joint [rad, arm's length]: too short to skip to another branch
     penalty: float = 10.0  # penalty of a violation by a whole range, in sizes of the objective
     implied_slacks: bool = True
     large_multiplier: float = np.inf
-    dual_fraction: float = 0.25  # largest share of the way to its bounds that a kink's multiplier moves in a step
+    dual_fraction: float = 0.25  # largest share of the way to its bounds that a kink's dual moves in a step
     least_smoothing: float = 1e-9  # least width of a kink, in sizes of its argument: rounding error
 
 
 class Workspace(NamedTuple):
-    """Arrays that steps write.
+    """Arrays that the steps write.
 
     Numbers: U variables of an instant, V slacks, K sums, G limited rows, r unknowns per sample.
     """
@@ -152,7 +151,7 @@ class RetractionOptions(NamedTuple):
     """Settings of Newton's method back onto the path."""
 
     tolerance: float = 1e-12  # largest error of the path equations, in arm lengths and rad: rounding error
-    steps: int = 8  # largest number of steps: Newton's method squares errors; more steps mean another sheet
+    steps: int = 8  # largest number of steps: Newton's method squares errors; more would mean another sheet
 
 
 OPTIONS = RetractionOptions()
@@ -174,7 +173,7 @@ def apply_stencil(stencil, q, u):
 
 @compiled
 def add_transposed_stencil(stencil, gradient_u, scale, gradient_q):
-    """Add the gradient by q from one by u, times ``scale`` (instants,)."""
+    """Add the gradient by q that follows from one by u, times ``scale`` (instants,)."""
     neighbours, coefficients = stencil.neighbours, stencil.coefficients
     (orders, samples, width), n = coefficients.shape, gradient_q.shape[1]
     for o in range(orders):
@@ -188,7 +187,7 @@ def add_transposed_stencil(stencil, gradient_u, scale, gradient_q):
 
 @compiled
 def project_gradient(stencil, gradient_q, tangent, reduced):
-    """Write the gradient by the unknowns from one by q."""
+    """Write the gradient by the unknowns that follows from one by q."""
     (samples, n, r), first_unknown = tangent.shape, stencil.first_unknown
     reduced[:] = 0.0
     for s in range(samples):
@@ -217,8 +216,8 @@ def expand_motion_step(stencil, step, tangent, dq):
 def local_basis(stencil, i, tangent, chain, local):
     """Write the derivatives of instant i's u by its neighbours' unknowns.
 
-    They are (variables, width · unknowns). ``chain`` (states, states, instants) has the derivatives of u by the
-    spline's u, or is empty if both are equal. If there is space, the spline's u follows u.
+    ``local`` is (variables, width · unknowns); if it has the rows, the spline's u follows u. ``chain`` (states, states,
+    instants) has the derivatives of u by the spline's u, or is empty if both are equal.
     """
     neighbours, coefficients = stencil.neighbours, stencil.coefficients
     (orders, _, width), (_, n, r) = coefficients.shape, tangent.shape
@@ -297,10 +296,10 @@ def add_path_hessian(stencil, seconds, tangent, A, C):
 
 @compiled
 def tangent_frames(tracked, tangent, normal, triangle):
-    """Write bases of all Jacobians' null space and row space Y.
+    """Write bases of every Jacobian's null space and row space Y, and R of Jᵀ = Y R.
 
-    R of Jᵀ = Y R is written too, by Householder reflections. ``tracked`` has path equations and Jacobian entries
-    (rows + rows · dof, time). Returns False at a singularity.
+    They follow from Householder reflections. ``tracked`` (rows + rows · dof, time) has path equations and Jacobian
+    entries. Returns False at a singularity.
     """
     samples, n, rows = normal.shape
     work, basis, v = np.empty((n, rows)), np.empty((n, n)), np.empty(n)
@@ -334,7 +333,7 @@ def tangent_frames(tracked, tangent, normal, triangle):
 
 @compiled
 def tie_last_sample(tangent, normal):
-    """Write the tangent of a last sample nearest to the one before."""
+    """Write the last tangent: that of the sample before, projected onto the last null space."""
     _, n, r = tangent.shape
     for a in range(r):
         tangent[-1, :, a] = tangent[-2, :, a]
@@ -359,8 +358,8 @@ def _reflect(x, v, begin, square):
 def retract_motion(track, inputs, q, normal, triangle, tracked):
     """Move q (time, dof) back onto the path; return whether it succeeded.
 
-    Newton's method moves each sample along ``normal``; it must converge for all samples. If a sample crosses a fold to
-    another sheet of the self-motion manifold, it has not converged.
+    Newton's method, q ← q − Y (J Y)⁻¹ g with the columns Y of ``normal``, must converge for all samples. It fails if a
+    sample crosses a fold to another sheet of the self-motion manifold.
     """
     samples, n, rows = normal.shape
     matrix, right = np.empty((rows, rows)), np.empty(rows)
@@ -393,7 +392,7 @@ def retract_motion(track, inputs, q, normal, triangle, tracked):
 
 @compiled
 def path_multipliers(gradient_q, normal, triangle, multipliers):
-    """Write ν (rows, time): Jᵀ ν = −(gradient in J's row space)."""
+    """Write ν (rows, time), for which Jᵀ ν = −(gradient in J's row space)."""
     samples, n, rows = normal.shape
     for s in range(samples):
         for i in range(rows - 1, -1, -1):

@@ -43,7 +43,7 @@ class LevelProgress:
         return len(self.task.times)
 
     def describe_violation(self, task: MotionTask) -> str:
-        """Return in words the limits that the least-violating motion breaks; "" if none."""
+        """Return in words the limits that the least-violating motion violates; "" if none."""
         if self.feasible or not len(self.optima):
             return ""
         motion = self.task.motion(self.optima[0])
@@ -57,10 +57,10 @@ ObserveLevel: TypeAlias = Callable[[LevelProgress], object]
 def explained_interruption(
     task: MotionTask, rollouts: JointPaths, observe: ObserveLevel | None
 ) -> Iterator[ObserveLevel]:
-    """Run a search in the body; explain a signal that ends it.
+    """Explain a signal that ends the search in the body.
 
-    The exception gets the least-violating motion (the first of ``rollouts`` if no level is done yet) and the violated
-    limits. The body gets a function to call after each level; it also calls ``observe``.
+    The exception gets the violated limits and the least-violating motion, the first of ``rollouts`` if no level is
+    done. The body gets a function to call after each level; it also calls ``observe``.
     """
     seen = list[LevelProgress]()
 
@@ -74,7 +74,7 @@ def explained_interruption(
     except Interrupted as stop:
         if stop.reason:  # a call of a user's function ended
             raise
-        with suppress(ParetoikError):  # a user's constraint may fail there
+        with suppress(ParetoikError):  # a user's constraint may fail at the motion
             start = task.motion(rollouts[0])
             stop.reason = seen[-1].describe_violation(task) if seen else _in_words(task.describe_violation(start))
             if stop.reason:
@@ -83,7 +83,7 @@ def explained_interruption(
 
 
 def at_samples(task: MotionTask, motion: Motion) -> Motion:
-    """Return a coarser level's motion at the task's samples, if it can."""
+    """Return a coarser level's motion at the task's samples, or as it is if it leaves the path there."""
     if motion.q.shape[-2] == len(task.times):
         return motion
     try:
@@ -107,21 +107,21 @@ Disturb = Callable[[MotionProgram, Solutions], Solutions]
 
 @dataclass(frozen=True, kw_only=True)
 class LevelOptions:
-    """Settings of refinement between levels, ``cold`` on the first, then ``warm``."""
+    """Settings of refinement; solver settings are ``cold`` on the first level, ``warm`` on the others."""
 
-    coarsest: int = 26  # number of samples: with half as many, the best torque optimum does not exist
+    coarsest: int = 26  # least number of samples: with half as many, the best torque optimum does not exist
     distinct: float = 0.01  # rad or arm lengths, RMS: two optima that are nearer are one
     scale_share: float = 0.1  # least scale of an objective, as a share of the lower quartile of its sizes at starts
-    disturbed: int = 101  # number of samples: on finer levels the best optimum stays the same
-    max_optima: int = 32  # largest number of optima refined on a finer level, where their order changes
-    restored: int = 8  # number of motions whose violation is minimised; half the number of starts on the first level
-    cold: tuple[InteriorPointOptions, ...] = (  # alternating options: each finds basins that the others miss
+    disturbed: int = 101  # largest number of samples of the perturbed level; finer ones have the same best optimum
+    max_optima: int = 32  # largest number of optima refined on a finer level, which may change their order
+    restored: int = 8  # number of optima whose violation is minimised; on the first level also twice as many starts
+    cold: tuple[InteriorPointOptions, ...] = (  # alternating settings: each finds basins that the others miss
         InteriorPointOptions(barrier=0.1, radius=0.4, iterations=300),
         InteriorPointOptions(barrier=0.01, radius=0.1, iterations=300),
         InteriorPointOptions(barrier=1e-3, radius=0.05, iterations=300),
     )
     warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
-    restoration: tuple[InteriorPointOptions, ...] = (  # alternating options, if only the violation is minimised
+    restoration: tuple[InteriorPointOptions, ...] = (  # alternating settings, if only the violation is minimised
         InteriorPointOptions(barrier=0.1, radius=0.4, iterations=100),
         InteriorPointOptions(barrier=0.01, radius=0.1, iterations=100),
     )
@@ -159,7 +159,7 @@ def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"], first:
 def objective_scales(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
     """Return each objective's size at the best coarse start.
 
-    It is the unit of barriers and tolerances. If one start is near 0 by accident, it is a share of the usual value.
+    It is the unit of barriers and tolerances, and at least a share of the usual size, as one start may be near 0.
     """
     level = task.subsample(q.shape[1])
     sizes = [size[np.isfinite(size)] for size in np.abs(require_values(level, level.motion(q)).T)]
@@ -181,16 +181,16 @@ def refine_levels(
 ) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
     """Return the distinct optima of weights · F with F ≤ upper.
 
-    They are sorted, the best first. The second value has the number of samples and of optima of each level.
+    The best come first. The second value has the numbers of samples and of optima of each level.
 
     programs: programs of ``level_programs``
     q: starts of the first level
     observe: function called after each level
-    restore: whether to minimise only the violation first if limits are violated at the end; if no motion of the first
-        level can be restored, its least-violating motions are returned
-    further: function of a level's program, starts, and optima of the level before (None on the first level); its result
-        is a function from the solutions so far to more starts and barriers, until there are none
-    disturb: function that returns optima, with those that they lead to, on one of the finer levels
+    restore: whether to minimise the violation and solve again if no motion satisfies the limits; if this fails on the
+        first level, its least-violating motions are returned
+    further: function of a level's program, starts, and optima of the level before (None on the first level); it returns
+        a function that is called with the solutions so far and returns more starts and their settings, at last none
+    disturb: function that perturbs optima on one level; it returns them with the new ones that it finds
     max_optima: largest number of optima of a level that are refined on the next
 
     After a signal the motions found so far are returned, at the samples of the last level.
@@ -207,11 +207,12 @@ def refine_levels(
         exact = finer is None or (disturb is not None and program is disturbed[0])
         barriers = [each if exact else coarse(each) for each in (OPTIONS.cold if first else (OPTIONS.warm,))]
         try:
+            # the minima of all starts
             more = None if further is None else further(program, q, None if coarser is None else coarser[1])
             solutions, q = _solve_level(program, q, weights, upper, solver, barriers, more)
             ends = solutions
             restored = restore and (first or not finer) and not solutions.converged.any()
-            if restored and not solutions.violation.max() <= FEASIBLE:  # first, only the violation is minimised
+            if restored and not solutions.violation.max() <= FEASIBLE:  # minimise only the violation
                 rows = distinct_rows(task, solutions, solutions.objectives @ weights, limit=OPTIONS.restored)
                 begin = np.concatenate([solutions.x[rows], q[: 2 * OPTIONS.restored * first]])
                 solutions = minimise_violation(program, begin, upper, OPTIONS.restoration)
@@ -220,6 +221,7 @@ def refine_levels(
                     solutions = minimise(*held, OPTIONS.holding, solver=solver)
         except Interrupted as stop:
             return _unfinished(programs[-1], weights, (program, stop.partial), coarser), tuple(levels)
+        # the distinct minima, and those found from perturbed ones
         limit = max_optima if finer else len(solutions)
         solutions = solutions[distinct_rows(task, solutions, solutions.objectives @ weights, limit=limit)]
         if disturb is not None and program is disturbed[0]:
@@ -230,7 +232,7 @@ def refine_levels(
             observe(level_progress(task, q, ends, solutions))
         if restore and first and not solutions.converged.any():
             break
-        if finer:
+        if finer:  # the starts of the next level
             q, coarser = resample(task, solutions.x, finer.task), (program, solutions)
     return solutions, tuple(levels)
 
@@ -258,7 +260,7 @@ def _solve_level(
 ) -> tuple[Solutions, np.ndarray]:
     """Return the solutions of starts and ``further`` ones, and all starts.
 
-    The starts alternate between ``barriers``, or the options of ``further``; all end at the same barrier.
+    The starts alternate between the settings ``barriers``, or those of ``further``; all end at the same barrier.
     """
 
     def search(starts: np.ndarray, options: Sequence[InteriorPointOptions]) -> Solutions:
@@ -284,9 +286,9 @@ def _unfinished(
     weights: np.ndarray,
     *levels: tuple[MotionProgram, Solutions | None] | None,
 ) -> Solutions:
-    """Return the unconverged optima so far of the first of ``levels``.
+    """Return the optima so far, at the last level's samples.
 
-    They are at the last level's samples. Raises Interrupted if no level has some.
+    They are those of the first of ``levels`` that has some. Raises Interrupted if none has.
     """
     for program, solutions in filter(None, levels):
         if solutions is None or not solutions.converged.any():
@@ -305,7 +307,7 @@ def _unfinished(
 def distinct_rows(
     task: MotionTask, solutions: Solutions, merit: Float[np.ndarray, " points"], *, limit: int
 ) -> Int[np.ndarray, " rows"]:
-    """Return one row of every optimum, else of the least-violating solutions."""
+    """Return one row per distinct optimum, or per least-violating solution if none converged."""
     order = np.lexsort((merit, np.round(solutions.violation, 6)))
     if solutions.converged.any():
         order = np.argsort(np.where(solutions.converged, merit, np.inf), kind="stable")[: solutions.converged.sum()]
@@ -319,7 +321,7 @@ def distinct_rows(
 
 
 def coarse(options: InteriorPointOptions) -> InteriorPointOptions:
-    """Return options that end at the first barrier of the finer level."""
+    """Return settings that end at the first barrier of the finer level."""
     return options._replace(last_barrier=OPTIONS.warm.barrier, tolerance=OPTIONS.warm.barrier)
 
 
@@ -329,7 +331,7 @@ def on_more_samples(
     """Return a plan or front on more samples, if values are inexact.
 
     errors: function that returns the relative errors of the inexact values
-    refine: function that returns the result with a sample added in every interval; None if too much would be lost
+    refine: function that returns the result with a sample added in every interval, or None if too much would be lost
 
     Refinement is repeated a few times if it leaves fewer inexact values, or halves their median error. If it fails, or
     if a signal or the time limit ends it, the result before is returned.
@@ -364,7 +366,7 @@ def resample(
             last = error
     if not resampled:
         raise Infeasible(
-            f"no motion found on {len(task.times)} samples follows the path between them: {last}; sample it finer",
+            f"no motion found on {len(task.times)} samples follows the path between them: {last}; use more samples",
             motion=task.motion(q[0]),
         )
     return np.stack(resampled)

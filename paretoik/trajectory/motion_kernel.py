@@ -2,7 +2,7 @@
 
 Unknowns are steps along the self-motion of every sample: q moves along the null space of the tasks' Jacobian and is
 then retracted onto the path, so that every iterate is on the path. The program has (dof − task rows) unknowns per
-sample. Its exact second derivatives, with the path's curvature, are banded in time; the border closes a cycle.
+sample. Its exact second derivatives, with the path's curvature, are banded in time; a border couples a cycle's ends.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from paretoik.trajectory.kernel_arrays import (
     tie_last_sample,
 )
 
-# Kinks of an instant's functions, smoothed according to the barrier; compiled
+# Kinks of an instant's functions, smoothed more if the barrier is larger; compiled
 #
 # A slack v is max(a, b), or min(a, b) with sign −1; its ties are v − a and v − b, times the sign. It is eliminated by
 # v = (a + b)/2 ± √(E² + ν²) with E = (a − b)/2, and its width ν decreases with the barrier. So every function of v is a
 # smooth function of u and still banded in time. The derivative λ = E / √(E² + ν²) solves λ √(E² + ν²) = E. Newton's
 # method iterates E and λ together: its Hessian has (1 − λ λ̂) / √(E² + ν²) instead of the second derivative
-# (1 − λ²) / √(E² + ν²), and λ̂ is the λ predicted in the last step. With λ² steps would be very small if ν is small. If
-# λ̂ moves to its bounds slowly, a kink stays stiff after it is crossed, so that steps do not oscillate; with λ̂ = 0 the
+# (1 − λ²) / √(E² + ν²), and λ̂ is the λ predicted in the last step. With λ² steps are very small if ν is small. If λ̂
+# moves to its bounds slowly, a kink stays stiff after it is crossed, so that steps do not oscillate; with λ̂ = 0 the
 # iteration is lagged diffusivity, which never oscillates. Source: Chan, Golub & Mulet 1999, section 4; Vogel & Oman
 # 1996 for lagged diffusivity.
 #
@@ -50,7 +50,7 @@ from paretoik.trajectory.kernel_arrays import (
 
 @compiled
 def evaluate_functions(kernel, work):
-    """Write the functions of all samples, with smoothed slacks v."""
+    """Write the functions of all instants, with smoothed slacks v."""
     inputs, values, kinks, arguments = work.inputs, work.values, kernel.kinks, work.arguments
     for j in range(len(kinks)):
         inputs[kinks[j, 0]] = 0.0
@@ -70,7 +70,7 @@ def evaluate_functions(kernel, work):
 
 @compiled
 def measure_kinks(kernel, work):
-    """Write the size of each kink's argument, its mean over time."""
+    """Write the size of each kink's argument: its mean over time."""
     samples, largest = work.arguments.shape[1], 0.0
     for j in range(len(kernel.kinks)):
         work.widths[j, 0] = 0.0
@@ -101,7 +101,7 @@ def linearise_kinks(kernel, work):
 
 @compiled
 def chain_gradients(kernel, work):
-    """Add the part by v to all gradients by u."""
+    """Add the chain rule's terms of slacks v to all gradients by u."""
     gradients, kinks, by_u = work.gradients, kernel.kinks, work.slack_gradients
     variables, samples = work.gradient_u.shape
     first_tie = len(gradients) - 2 * len(kinks)
@@ -132,7 +132,7 @@ def _chain(kernel, work, f, count):
 
 @compiled
 def tie_multipliers(kernel, work, weights):
-    """Write the multipliers of ties and the kinks' second-derivative weights."""
+    """Write the multipliers of ties, and the weights of the kinks' second derivatives."""
     inputs, gradients, kinks, by_row = work.inputs, work.gradients, kernel.kinks, work.by_row
     variables, samples = work.gradient_u.shape
     sums, rows, first = len(work.objective_gradients), len(kernel.row_peaks), kernel.multipliers[1]
@@ -156,7 +156,7 @@ def tie_multipliers(kernel, work, weights):
 
 @compiled
 def add_kink_hessian(kernel, work, s, row, phi):
-    """Add entries by v and kinks to instant s's Hessian (U, U)."""
+    """Add the second derivatives by v, and those of kinks, to instant s's Hessian (U, U)."""
     second_i, second_j, kinks, gradients = kernel.second_i, kernel.second_j, kernel.kinks, work.gradients
     variables = len(phi)
     other = np.empty(variables)
@@ -176,7 +176,7 @@ def add_kink_hessian(kernel, work, s, row, phi):
 
 @compiled
 def _variable_gradient(kernel, work, variable, s, row):
-    """Write the gradient by u of instant s's variable or slack."""
+    """Write the gradient by u of a variable or slack at instant s."""
     for a in range(len(row)):
         row[a] = 1.0 if a == variable else 0.0
     for j in range(len(kernel.kinks)):
@@ -195,8 +195,8 @@ def _add_outer(phi, factor, row, other):
 
 # Peaks of a motion: epigraph variables σ on the border of Newton's matrix; compiled
 #
-# A peak is the least σ with σ − piece ≥ 0 for every piece at every sample. The rows σ − piece are ordinary limited
-# rows; σ follows the samples in a point.
+# A peak is the least σ with σ − piece ≥ 0 for every piece at every instant. The rows σ − piece are ordinary limited
+# rows; in a point σ comes after the samples.
 
 
 @compiled
@@ -239,7 +239,7 @@ def assemble_peaks(kernel, work, A, B, C):
 
 @implement(steps.dimensions, MotionKernel)
 def dimensions(kernel, x):
-    """Return the Newton matrix's (size, band, border), and the limits' number."""
+    """Return the Newton matrix's (size, band, border), and the number of limits."""
     stencil, rows = kernel.stencil, len(kernel.curve.row_scales)
     band, peaks = stencil.coefficients.shape[2] * (x.shape[1] - rows), len(kernel.peak_inputs)
     return stencil.unknowns - stencil.border, band, stencil.border + peaks, len(kernel.factors)
@@ -259,7 +259,7 @@ def allocate_workspace(kernel, x):
 
 @implement(steps.add_auxiliary, MotionKernel)
 def add_auxiliary(kernel, work, x):
-    """Return a motion with each peak's least σ; measure kinks."""
+    """Return a motion with the least σ of each peak, and measure kinks."""
     samples, n = x.shape
     point = np.zeros((samples + (len(kernel.peak_inputs) + n - 1) // n, n))
     point[:samples] = x / kernel.scales
@@ -290,7 +290,7 @@ def _write_states(kernel, work, x):
 
 @compiled
 def _add_by_positions(kernel, work, gradient, scale, gradient_q):
-    """Add the gradient by q from one by u, times ``scale`` (instants,)."""
+    """Add the gradient by q that follows from one by u, times ``scale`` (instants,)."""
     curve_states.chain_gradient(work.curve, gradient[: len(work.gradient_u)], work.gradient_spline)
     add_transposed_stencil(kernel.stencil, work.gradient_spline, scale, gradient_q)
 
@@ -373,8 +373,8 @@ def linearise(kernel, work, x):
 def reduced_gradient(kernel, work, weights, multipliers, out):
     """Write the Lagrangian's gradient by the unknowns and σ.
 
-    The Lagrangian is weights · F − multipliers · c. Its gradients by u and q and the multipliers of variables and
-    rows, in their own units, are in the workspace.
+    The Lagrangian is weights · F − multipliers · c. The workspace gets its gradients by u and q, and the multipliers of
+    variables and rows in their own units.
     """
     gradient_u, by_row, gradients = work.gradient_u, work.by_row, work.gradients
     limited, factors, row_peaks = kernel.limited, kernel.factors, kernel.row_peaks
@@ -406,7 +406,7 @@ def reduced_gradient(kernel, work, weights, multipliers, out):
 
 @implement(steps.prepare_multipliers, MotionKernel)
 def prepare_multipliers(kernel, work, weights):
-    """Write path, sum and row multipliers as inputs of the Lagrangian's Hessian."""
+    """Write multipliers (of path equations, sums, rows) as the Lagrangian Hessian's inputs."""
     first, variables, samples = kernel.multipliers, len(work.gradient_u), work.gradient_u.shape[1]
     inputs, by_row, quadrature = work.inputs, work.by_row, kernel.quadrature
     inputs[first[2] : first[2] + len(by_row) - variables] = by_row[variables:]
@@ -432,7 +432,7 @@ def prepare_multipliers(kernel, work, weights):
 
 @implement(steps.residual_norm, MotionKernel)
 def residual_norm(kernel, residual):
-    """Return the root mean square over time."""
+    """Return the residual's root mean square over time."""
     return np.sqrt(sample_count(kernel)) * norm(residual)
 
 
@@ -518,7 +518,7 @@ def row_width(kernel, work):
 
 @implement(steps.constraint_rows, MotionKernel)
 def constraint_rows(kernel, work, columns, entries):
-    """Write limits' rows by the unknowns; without kinks and peaks only."""
+    """Write the limits' derivatives by the unknowns, for programs without kinks and peaks."""
     variables, instants = work.gradient_u.shape
     limited, gradients, sums = kernel.limited, work.gradients, len(work.objective_gradients)
     r, width = work.tangent.shape[2], entries.shape[1]

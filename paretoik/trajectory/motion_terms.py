@@ -1,11 +1,15 @@
 """A motion's nonlinear program: one evaluation of all functions per instant, and first and second derivatives.
 
-The instants are the samples; with differences="spline" also the middles between samples. The variables of an instant
-are u = (q, q̇, q̈, q⃛), slides in arm lengths (``joint_scales``), and slacks v if functions have kinks. Each peak has
-an epigraph variable σ for the whole motion. u is linear in the positions of a few samples (``Stencil``); the u of a
+    minimise    weights · F,  each F a sum Σᵢ wᵢ f(uᵢ, vᵢ), a peak σ, or a ``WholeFunction`` of all samples
+    subject to  path equations = 0 at every sample
+                ±(u or f(u, v) − bound) / range ≥ 0 at limited instants i
+                σ − piece ≥ 0,  ±(v − piece) ≥ 0
+
+The instants are the samples and, if differences="spline", the midpoints between them. The variables of an instant are
+u = (q, q̇, q̈, q⃛), prismatic joints in arm lengths (``joint_scales``), and slacks v if functions have kinks. Each peak
+has an epigraph variable σ for the whole motion. u is linear in the positions of a few samples (``Stencil``); the u of a
 spline is then projected onto the path (``curve_states``). If integrals have kinks, the spline's own u are variables
-too, after those of the curve. Integral objectives are sums over instants of functions of these; limits bound u or other
-functions, such as torque. Functions that relate samples to one another are ``WholeFunction``.
+too, after those of the curve.
 """
 
 from __future__ import annotations
@@ -48,20 +52,20 @@ class Sparsity(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluators:
-    """Compiled functions of a sample and their derivatives: sums first, then rows."""
+    """Evaluators of an instant's functions, sums first, then rows, and of their derivatives."""
 
     inputs: int  # number of inputs, in this order: u, then v and σ (at ``auxiliary``), parameters, multipliers
     auxiliary: Int[np.ndarray, " auxiliary"]
     # index of the first multiplier of path equations (of a sample, then of a curve's instant), of sums, and of rows
     multipliers: Int[np.ndarray, 3]
     slacks: int
-    # number of rows that tie slacks, two per slack; they bound it from below if its entry of ``signs`` is 1, from above
-    # if it is −1
+    # number of rows that tie slacks, two per slack; they bound the slack from below if its sign in ``signs`` is 1, from
+    # above if it is −1
     ties: int
     signs: tuple[int, ...]
     slack: Evaluator  # evaluator of the values of the ``slacks`` v at a point
     kinked: tuple[int, ...]
-    # evaluator of both operands of each kink without slack, which is in the function ``kinked``
+    # evaluator of both operands of each kink without slack; ``kinked`` has the index of its function
     kink_operands: Evaluator
     value: Evaluator  # evaluator of sums and rows
     gradient: Evaluator  # evaluator of sums and rows, then the entries of their gradients by variables
@@ -100,9 +104,8 @@ class MotionTerms:
     peaks: int  # number of σ
     sums: int
     rows: tuple[str, ...]
-    # epigraph_rows, epigraph_peaks: rows σ − piece of peaks, and the index of the peak of each
-    epigraph_rows: Int[np.ndarray, " pieces"]
-    epigraph_peaks: Int[np.ndarray, " pieces"]
+    epigraph_rows: Int[np.ndarray, " pieces"]  # rows σ − piece of peaks
+    epigraph_peaks: Int[np.ndarray, " pieces"]  # index of the peak of each of these rows
     limited: Int[np.ndarray, "limits 2"]  # variable (or row, after the variables) and instant of each limit
     sides: Float[np.ndarray, " limits"]  # 1 for a lower limit, −1 for an upper one
     bounds: Float[np.ndarray, " limits"]  # bound of each limit
@@ -122,7 +125,7 @@ class MotionTerms:
 
     @property
     def rates(self) -> int:
-        """Number of entries of u, with the spline's if they are variables."""
+        """Number of entries of u, including the spline's if they are variables."""
         return len(self.variables) - len(self.evaluators.auxiliary)
 
     @property
@@ -159,7 +162,7 @@ class MotionTerms:
 
     @property
     def kinked(self) -> tuple[str, ...]:
-        """Names of totals with kinks, or one for other functions."""
+        """Names of totals with kinks; one general name if only other functions have kinks."""
         sparsity = self.evaluators.gradient_sparsity
         by_slack = (sparsity.columns >= self.rates) & (sparsity.columns < self.rates + self.slacks)
         kinked_functions = set(sparsity.rows[by_slack].tolist())
@@ -167,7 +170,7 @@ class MotionTerms:
         return names or ("an absolute value, maximum or minimum",) * bool(self.slacks)
 
     def kinks_at(self, x: Float[np.ndarray, "time dof"]) -> tuple[str, ...]:
-        """Return the names of functions with a kink here without auxiliary variable."""
+        """Return the names of functions that have a kink at x without an auxiliary variable."""
         kinked = self.evaluators.kinked
         if not kinked:
             return ()
@@ -184,12 +187,12 @@ class MotionTerms:
 
     @property
     def rounding(self) -> float:
-        """Rounding error of stationarity, larger for stops: their last sample is inexact."""
+        """Rounding error of stationarity, not 0 if the motion ends at rest: its last sample is inexact."""
         return 1e-6 if self.task.ties_end else 0.0
 
     def project(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
-        """Return motions with the start and the rest that the task requires."""
-        if self.task.ties_end:  # the last step is the shortest that the path allows, without self-motion
+        """Return motions with the given start, and with an end at rest if the task has one."""
+        if self.task.ties_end:  # the last sample is the posture nearest to the one before, without self-motion
             arm, tasks, target = self.task.arm, self.task.tasks, self.task.targets[-1]
             retracted = retract(arm, tasks, x[:, -2], target, normal_directions(arm, tasks, x[:, -1], target))
             ends = np.where(retracted.on_path[:, None], retracted.q, x[:, -1])
@@ -287,7 +290,7 @@ class MotionTerms:
             x=q,
             unknowns=self.stencil.unknowns,
             elastic=self.elastic,
-            unit=float(np.sqrt(self.stencil.unknowns / normal.shape[2])),  # rad, slides in arm lengths
+            unit=float(np.sqrt(self.stencil.unknowns / normal.shape[2])),  # rad; arm lengths if prismatic
             objectives=values.objectives,
             normal=normal,
             path_jacobian=path_jacobian,
@@ -305,7 +308,7 @@ class MotionTerms:
     def limit_values(
         self, inputs: Float[np.ndarray, "inputs instants"], values: Float[np.ndarray, "functions instants"]
     ) -> tuple[Float[np.ndarray, " inequalities"], Float[np.ndarray, " ties"]]:
-        """Return limits, divided by their ranges, and ties from function values."""
+        """Return the values of limits, divided by their ranges, and of ties."""
         every = np.concatenate([inputs[self.variables], values[self.sums :]])
         row, sample = self.limited.T
         limits = self.sides * (every[row, sample] - self.bounds)
@@ -328,8 +331,8 @@ class MotionTerms:
 class MotionLinearisation(Linearisation):
     """A program at a motion ``x``, to first order.
 
-    Columns are steps of the self-motion, slides in arm lengths, then slack and epigraph variables of samples, peaks and
-    functions of the whole motion.
+    Columns are steps of the self-motion [rad; arm lengths if prismatic], then slack variables of instants, and epigraph
+    variables of peaks and functions of the whole motion.
     """
 
     program: MotionTerms
@@ -353,8 +356,8 @@ class MotionLinearisation(Linearisation):
         """Return the Hessian (columns, columns) of the Lagrangian.
 
         The Lagrangian is weights · F + ν · h − multipliers · c − cone_multipliers · cones. The path's multipliers ν
-        make the gradient in the row space of its Jacobian 0. For a spline, h includes the equations of its instants
-        with their first and second derivatives.
+        make its gradient 0 in the row space of the path's Jacobian. For a spline, h includes the equations of its
+        instants and their first and second derivatives.
         """
         p, curve, path_jacobian = self.program, self.values.curve, self.path_jacobian
         orders, n = p.stencil.orders, p.task.arm.dof
@@ -411,7 +414,7 @@ class MotionLinearisation(Linearisation):
         return np.einsum("tja,ta->tj", self.normal, unknowns) * joint_scales(self.program.task.arm)
 
     def retract(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, "time dof"] | None:
-        """Return the motion after a step, on the path; else None."""
+        """Return the motion on the path after a step; None if it is not reached."""
         task = self.program.task
         q = self.x + self.displacement(step)
         targets = task.targets.copy()
@@ -455,7 +458,7 @@ class MotionLinearisation(Linearisation):
 def _basis(
     program: MotionTerms, chain: np.ndarray, normal: np.ndarray, wholes: int
 ) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
-    """Return derivatives by columns: of variables, spline state, and q.
+    """Return the derivatives of variables, spline state, and q by the columns.
 
     Their rows are variables · instants, states · instants, and dof · time.
     """
@@ -490,7 +493,7 @@ def _basis(
 def _whole_functions(
     program: MotionTerms, values: MotionValues, basis: sparse.csr_array, wholes: int
 ) -> tuple[np.ndarray, list[np.ndarray], list[sparse.csr_array], list[Cone]]:
-    """Return whole functions' parts of gradients, ties, rows of ties, and cones."""
+    """Return gradients, ties, rows of ties, and cones of the whole functions."""
     gradients, column = np.zeros((len(program.totals), basis.shape[1])), basis.shape[1] - wholes
     ties, tie_rows, cones = list[np.ndarray](), list[sparse.csr_array](), list[Cone]()
     if program.whole_functions:
@@ -561,7 +564,7 @@ def _block_diagonal(seconds: Float[np.ndarray, "blocks entries entries"]) -> spa
 def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[np.ndarray, "*batch"]:
     """Return the RMS joint distance over time between motions (..., time, dof).
 
-    Angles are modulo 2π. The distance is in rad, slides in arm lengths.
+    Angles are modulo 2π. The distance is in rad, or arm lengths if prismatic.
     """
     difference = (q - other) / joint_scales(task.arm)
     difference = np.where(task.arm.periodic, (difference + np.pi) % (2 * np.pi) - np.pi, difference)

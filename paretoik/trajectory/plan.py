@@ -73,7 +73,7 @@ class Optimum:
     violation_between: upper bound of its violation of limits at any time, as a share of their ranges
     criticality: first-order gain that its objective still has, as a share of the best optimum's objective, confirmed by
         a convex program; NaN if unknown
-    discretisation_error: error of ``objective`` relative to the motion's curve, in its unit; NaN in earlier runs
+    discretisation_error: error of ``objective`` relative to the motion's curve, in its unit; NaN in older runs
 
     An optimum of a spline whose error is more than 0.1 % of the value is "under-resolved".
     """
@@ -145,10 +145,10 @@ def find_optima(
     - The distinct optima are refined on finer levels up to the task's own samples.
     - On one of these levels the best are perturbed again, if optima are many.
 
-    Raises InvalidInput if the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
+    Raises InvalidInput if the objective or a limit has no derivative, or if ``solver`` does not support one of them;
     OutOfReach or Infeasible if there is no motion; Infeasible with the least-violating motion if none satisfies the
     limits; SolverFailed if limits are satisfied but no start converged; EvaluationFailed if no start converged and a
-    search came to a motion without a value.
+    search ended at a motion without a value.
     """
     assert len(task.objectives) == 1, "a plan has one objective"
     if solver != "auto":  # refuse an unsuitable solver before any work
@@ -180,10 +180,12 @@ def resolve_plan(
 ) -> Plan:
     """Return a plan on more samples if an optimum is under-resolved.
 
+    rollouts: motions that give the objective's size; errors below its rounding error count as 0
+    given: number of samples that the user chose
+
     See ``on_more_samples``. All optima are minimised again on more samples, and keep their status if they do not
     converge there. Those that leave the path between their samples are dropped; if the best one does, the plan stays
-    the same. Errors below the rounding error of the objective's size at ``rollouts`` count as 0. ``given`` is the
-    number of samples that the user chose.
+    the same.
     """
 
     def errors(found: tuple[MotionTask, Plan]) -> Float[np.ndarray, " inexact"]:
@@ -218,9 +220,9 @@ def _search(
     observe: ObserveLevel | None,
     rollouts: JointPaths | None,
 ) -> tuple[Solutions, tuple[tuple[int, int], ...], int]:
-    """Return the distinct optima, the levels, and the starts' number.
+    """Return the distinct optima, the levels, and the number of starts.
 
-    Levels are pairs of the number of samples and of optima; the first is the coarsest that leads to optima. The starts
+    Levels are pairs of the numbers of samples and of optima; the first is the coarsest that leads to optima. The starts
     include those of a level that a signal interrupted. Raises Infeasible or SolverFailed if no level leads to optima.
     """
     if rollouts is not None:
@@ -252,7 +254,7 @@ def _search(
             continue
         if solutions.converged.any() or (solutions.status == INTERRUPTED).any():
             return solutions, levels, len(restarts.policies[0].independent) if restarts.policies else len(begin)
-    # no level leads to optima; name a function without a value first
+    # no level leads to optima; a function without a value is the first cause to name
     status, coarse = STATUSES[int(solutions.status[0])], task.subsample(solutions.x.shape[1])
     unfinished = solutions.x[solutions.status == NOT_FINITE]
     causes = evaluate_motions(coarse, coarse.motion(unfinished))[2] if len(unfinished) else ()
@@ -265,8 +267,8 @@ def _search(
 
 
 def _merge(task: MotionTask, solutions: Solutions, initial: Solutions) -> Solutions:
-    """Return all distinct optima, or first a better initial motion."""
-    natural = motion_program(task)  # each has its own scales of objectives
+    """Return all distinct optima, after a better initial motion if there is one."""
+    natural = motion_program(task)  # each batch has its own scales of objectives
     both = concatenate((solutions, initial))
     both = replace(both, objectives=np.stack([natural.evaluate(x)[0] for x in both.x]))
     initial = both[len(solutions) :]
@@ -327,7 +329,7 @@ def _plan(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionColdSearch:
-    """A ``ColdSearch`` for motions that plans objectives, and minimises below bounds."""
+    """A ``ColdSearch`` of motions: it plans single objectives, and minimises below bounds."""
 
     task: MotionTask
     rollouts: JointPaths

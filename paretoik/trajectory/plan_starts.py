@@ -1,4 +1,4 @@
-"""Motions that a plan starts from: samples of the path's motions, and restarts until a better optimum is unlikely.
+"""Starts of a plan: sampled motions along the path, and restarts until a better optimum is unlikely.
 
 Sources: Tringali & Cocuzza 2020, sections 3.1.2 and 3.1.3, for samples; Wales & Doye 1997 for basin hopping.
 """
@@ -35,12 +35,10 @@ class StartOptions:
     In basin hopping the best optima are perturbed, recombined and minimised again.
     """
 
-    # rollouts, travelling: number of motions tried for each roll-out, and for each start that travels
-    rollouts: int = 4
-    travelling: int = 3
-    # spacing, classes: distance of a grid's nodes (rad or arm lengths), and largest number of its paths
-    spacing: float = 0.15
-    classes: int = 8
+    rollouts: int = 4  # number of motions tried for each roll-out
+    travelling: int = 3  # number of motions tried for each start that travels along the self-motion
+    spacing: float = 0.15  # distance of a grid's nodes, in rad or arm lengths
+    classes: int = 8  # largest number of paths of a grid
     starts: int = 48  # default number of starts per degree of redundancy
     portions: int = 4  # number of portions in which these starts are minimised, while better unseen optima are likely
     # expected number of better optima in the next batch, below which no independent starts are added
@@ -61,11 +59,10 @@ class StartOptions:
     perturbation: tuple[float, float] = (0.2, 2.0)  # smallest and largest perturbation [rad or arm lengths, RMS]
     patience: int = 2  # number of consecutive batches without improvement after which the search ends
     gain: float = 1e-6  # smallest improvement that counts, as a share of the value
-    # solver settings of the minimisation; a high first barrier leaves basins
+    # solver settings of the minimisation; a higher first barrier would leave basins
     barrier: InteriorPointOptions = InteriorPointOptions(barrier=1e-3, radius=0.05, iterations=300)
-    # distance, value: two optima are one within this distance (rad or arm lengths, RMS) and this share of their value
-    distance: float = 0.1
-    value: float = 1e-3
+    distance: float = 0.1  # largest distance (rad or arm lengths, RMS) of optima that count as one
+    value: float = 1e-3  # largest difference of values of optima that count as one, as a share of the value
     # largest number of batches on a finer level, where other optima may be the best; if the coarsest level had no
     # improvement, one batch without improvement ends it
     final_rounds: int = 20
@@ -111,8 +108,8 @@ def sample_travelling(
 def grid_starts(level: MotionTask) -> Float[np.ndarray, "paths samples dof"]:
     """Return the best path of every class through a coarse grid.
 
-    Without result if the grid would take long. If the objective depends on accelerations, as with torques, the motions
-    that move least are used instead; under gravity also the motions that are best without accelerations.
+    The result is empty if the grid would take long. If the objective depends on accelerations, as torques do, other
+    objectives replace it: least motion and, under gravity, the objective at acceleration 0.
     """
     substitutes: list[tuple[Objective, ...]] = [(squared_velocity,)]
     if level.arm.gravity.any():
@@ -128,7 +125,7 @@ def grid_starts(level: MotionTask) -> Float[np.ndarray, "paths samples dof"]:
 
 
 def _without_acceleration(one: Objective) -> Objective:
-    """Return an objective of the same positions and velocities, and acceleration 0."""
+    """Return the objective evaluated at acceleration 0."""
 
     def function(motion: Any) -> Any:
         slow = replace(motion)  # a copy without computed quantities
@@ -139,7 +136,7 @@ def _without_acceleration(one: Objective) -> Objective:
 
 
 def _most_promising(task: MotionTask, q: JointPaths, limit: int) -> Float[np.ndarray, "chosen time dof"]:
-    """Return the best motions of all branches, which alternate."""
+    """Return at most ``limit`` motions, the best of all branches alternately."""
     if not len(q):
         return q
     F, limits, _ = evaluate_motions(task, task.motion(q))
@@ -196,7 +193,7 @@ def disturb_best(
     *,
     patience: int = OPTIONS.patience,
 ) -> Solutions:
-    """Return optima, and new ones from the best while these improve.
+    """Return optima, and new ones found from the best while the best value improves.
 
     The best are perturbed, or minimised with high barriers. Starts are minimised as on a coarse level, and only new
     optima are refined. The search ends after ``patience`` consecutive batches without improvement.
@@ -204,6 +201,7 @@ def disturb_best(
     task, failures, centers = program.task, 0, solutions.x[:0]
     for _ in range(OPTIONS.final_rounds):
         before, best = float(solutions.objectives[0, 0]), solutions.x[: OPTIONS.centers]
+        # starts: the best optima that were no centers yet, with high barriers, and perturbed optima
         far = [not len(centers) or joint_distance(task, x, centers).min() > LEVELS.distinct for x in best]
         others = best[np.array(far)]
         centers = np.concatenate([centers, others])
@@ -214,7 +212,8 @@ def disturb_best(
             break
         rough = minimise(program, x, np.eye(1, len(program.upper)), options=options, solver=solver)
         rough = rough[distinct_rows(task, rough, rough.objectives[:, 0], limit=len(rough))]
-        values, known = solutions.objectives[:, 0], list[bool]()  # known: near a solution with about the same value
+        # new optima are refined; known ones are near a solution with about the same value
+        values, known = solutions.objectives[:, 0], list[bool]()
         for one, value in zip(rough.x, rough.objectives[:, 0], strict=True):
             near = np.abs(values - value) <= OPTIONS.value * np.abs(values)
             known.append(bool(np.any(near & (joint_distance(task, one, solutions.x) <= OPTIONS.distance))))
@@ -258,7 +257,7 @@ class RestartPolicy:
     ) -> None:
         self.level, self.count, self.rng, self.waiting = level, count, rng, list(waiting)
         self.rounds, self.failures, self.best = 0, 0, np.inf
-        self.several = self.improved = False  # unseen optima are likely; restarts found better ones
+        self.several = self.improved = False  # whether unseen optima are likely; whether restarts found better ones
         self.grid_tried = level.redundancy > 1 or not independent
         self.independent = np.full(len(q), independent)  # per start: not perturbed, nor from a grid or coarser level
         self.starts, self.labels = [q], list[str]()
@@ -266,7 +265,7 @@ class RestartPolicy:
     def __call__(self, solutions: Solutions) -> Batch:
         """Return further starts, if any, and the options that they alternate between."""
         if self.waiting and solutions.converged.any() and self.independent.any():
-            # a start finds a new optimum with the probability ``_unseen``; one of w + 1 new optima is the best of all
+            # a start finds a new optimum with the probability ``_unseen``; it is the best of w + 1 with 1 / (w + 1)
             hits, count = self._optima(solutions)[1], sum(map(len, self.waiting))
             waiting = count * _unseen(hits) / (np.count_nonzero(hits) + 1)
             if max(waiting, _expected_better(hits, self.count, int(self.independent.sum()))) <= OPTIONS.expected:
@@ -306,7 +305,7 @@ class RestartPolicy:
         return q, (OPTIONS.barrier,) if len(dependent) and self.rounds else LEVELS.cold
 
     def _optima(self, solutions: Solutions) -> tuple[Int[np.ndarray, " optima"], Int[np.ndarray, " optima"]]:
-        """Return a row of every optimum, best first, and its independent starts."""
+        """Return a row of every optimum, best first, and its number of independent starts."""
         values = np.where(solutions.converged, solutions.objectives[:, 0], np.inf)
         remaining, rows, hits = solutions.converged.copy(), list[int](), list[int]()
         for i in np.argsort(values, kind="stable")[: solutions.converged.sum()]:
@@ -344,8 +343,8 @@ class LevelRestarts:
     """The restarts of a plan, level by level, for ``refine_levels``.
 
     On the first level starts are added to waiting ``portions``. If the first level misled, ``starts`` starts per degree
-    of redundancy are sampled on the next. On the last level on which it has an effect, the best optima are perturbed,
-    for longer if restarts found better ones.
+    of redundancy are sampled on the next. On one level the best optima are perturbed, for longer if restarts found
+    better ones.
     """
 
     def __init__(
@@ -368,7 +367,7 @@ class LevelRestarts:
             return self.policies[0]
 
         def further_on_next(solutions: Solutions) -> Batch:
-            """Return further starts on the second level, only if the first misled."""
+            """Return further starts on the second level, if the first misled."""
             if not self.compared:
                 self.compared = True
                 if is_misled(coarser, solutions):
@@ -380,7 +379,7 @@ class LevelRestarts:
         return None if self.compared else further_on_next
 
     def disturb(self, program: MotionProgram, solutions: Solutions) -> Solutions:
-        """Return optima, and those found from the best, if optima are many."""
+        """Return optima and, if they are many, new ones found from the best."""
         if not solutions.converged.any() or not any(policy.several for policy in self.policies):
             return solutions
         patience = OPTIONS.patience if any(policy.improved for policy in self.policies) else 1
@@ -390,7 +389,7 @@ class LevelRestarts:
 def first_portions(
     q: Float[np.ndarray, "starts samples dof"],
 ) -> list[Float[np.ndarray, "portion samples dof"]]:
-    """Return portions of starts with some of every kind and barrier."""
+    """Return portions of starts, each with some of every kind and barrier."""
     turn = np.arange(len(q)) // len(LEVELS.cold) % OPTIONS.portions
     return [q[turn == i] for i in range(OPTIONS.portions)]
 

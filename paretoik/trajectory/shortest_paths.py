@@ -21,10 +21,10 @@ class LayeredGraph:
     sources: list[np.ndarray]  # states in which transitions begin
     costs: list[np.ndarray]
     nodes: list[np.ndarray]  # node of every state
-    before: np.ndarray | None = None  # node before the first layer for every state; only if states are pairs of nodes
+    before: np.ndarray | None = None  # first node of every first state, if states are pairs of nodes
 
     def forward(self, start: np.ndarray) -> list[np.ndarray]:
-        """Return the least cost to every state of every layer."""
+        """Return the least cost to every state: V(end) = min V(source) + cost."""
         costs_to_come = [start]
         for offsets, sources, costs in zip(self.offsets, self.sources, self.costs, strict=True):
             check_interruption()
@@ -35,7 +35,7 @@ class LayeredGraph:
         return costs_to_come
 
     def backward(self) -> list[np.ndarray]:
-        """Return the least cost from every state of every layer onwards."""
+        """Return the least cost from every state: V(source) = min cost + V(end)."""
         costs_to_go = [np.zeros(len(self.nodes[-1]))]
         for step in reversed(range(len(self.costs))):
             value = np.full(len(self.nodes[step]), np.inf)
@@ -77,10 +77,10 @@ class LayeredGraph:
 
 
 def shortest_path(layers: LayeredGraph, cyclic: bool, among: np.ndarray | None = None) -> tuple[float, list[int]]:
-    """Return the least cost and its path, or an empty one.
+    """Return the least cost and its path, or inf and [].
 
-    Cycles use branch and bound over sets of first states: the shortest path from a set back to this set is a lower
-    bound of its cycles.
+    Cycles are found by branch and bound over sets of first states: the shortest path from a set back to this set is a
+    lower bound of the set's cycles.
     """
     first_states = np.arange(len(layers.start)) if among is None else among
 
@@ -114,7 +114,7 @@ def shortest_path(layers: LayeredGraph, cyclic: bool, among: np.ndarray | None =
 
 
 def prune_costly(layers: LayeredGraph, upper: float) -> LayeredGraph:
-    """Return the graph without transitions on paths above a cost only."""
+    """Return the graph without transitions whose paths all cost more than ``upper``."""
     cost_to_come, cost_to_go, mask = layers.forward(layers.start), layers.backward(), []
     for step, offsets in enumerate(layers.offsets):
         cost = cost_to_come[step][layers.sources[step]] + layers.costs[step]

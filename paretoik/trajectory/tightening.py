@@ -74,9 +74,9 @@ def hold_between(
 ) -> HeldMotion:
     """Return an optimal motion with limits satisfied between samples.
 
-    They are satisfied as far as a few rounds can. If there are several objectives, all get worse by the same amount
-    (Pascoletti & Serafini 1984). Motions of finite differences, motions that satisfy their limits, and motions that no
-    round improves are returned unchanged.
+    A few rounds lower the violation as far as they can. Several objectives get worse by the same amount (Pascoletti &
+    Serafini 1984). Motions of finite differences, motions that satisfy their limits, and motions that no round improves
+    are returned unchanged.
     """
     best = _held(program, x)
     if program.task.differences != "spline":
@@ -90,6 +90,7 @@ def hold_between(
             weights = OPTIONS.weight + np.eye(n_obj)[0]
             if np.isfinite(found).all():
                 weights = np.maximum(found / found.sum(), OPTIONS.least_weight)
+        # bounds moved inwards by excess + margin, or by a share of it if there is no such motion
         before = current.bounds
         bounds = _tightened_bounds(program, current.x, before, margin)
         for share in OPTIONS.shares:
@@ -111,7 +112,7 @@ def hold_all(
     solver: Solver = "auto",
     observe: Callable[[int, int], object] | None = None,
 ) -> list[HeldMotion]:
-    """Return motions as ``hold_between`` does; after a signal the remaining ones unchanged.
+    """Return motions as ``hold_between`` does; after a signal, the others unchanged.
 
     ``observe`` is called with the number of finished motions and of all motions.
     """
@@ -134,7 +135,7 @@ def hold_all(
 
 
 def _hold_values(program: MotionProgram, item: tuple[np.ndarray, int, Solver]) -> Values:
-    """Return a held motion as plain arrays, also in a worker."""
+    """Return the result of ``hold_between`` as plain arrays; workers call this."""
     x, n_obj, solver = item
     held = hold_between(program, x, n_obj, solver=solver)
     return {"x": held.x, "bounds": held.bounds, "violation": np.asarray(held.violation)}
@@ -151,7 +152,7 @@ def _held(program: MotionProgram, x: np.ndarray) -> HeldMotion:
 
 
 def violation_between(task: MotionTask, x: Float[np.ndarray, "time dof"]) -> float:
-    """Return a motion's worst violation between samples, inf off the path."""
+    """Return a motion's worst violation between samples; inf if it leaves the path."""
     return float(task.violation_between(task.motion(x[None]))[0])
 
 
@@ -160,8 +161,11 @@ def _solve_again(
 ) -> np.ndarray | None:
     """Return the optimal motion of a tighter program, or None.
 
-    Objectives have the ``weights`` of the motion before, so that the new motion does not slide along the front. An
-    objective may have to rise so that all change equally; refinement then takes the remaining gain of the others.
+        minimise    weights · F(x)
+        subject to  Fⱼ(x) − F_main(x) ≤ Fⱼ(x₀) − F_main(x₀) for the other objectives j, and the tighter limits
+
+    The ``weights`` are those of the motion x₀ before, so that x does not move along the front. Refinement then takes
+    the gain that an objective may still have.
     """
     n_obj = len(weights)
     main = int(np.argmax(weights))
@@ -187,19 +191,19 @@ def _tightened_bounds(
 ) -> Float[np.ndarray, " limits"]:
     """Return a program's bounds, moved inwards by excess and margin.
 
-    The excess is the largest within half a sample of each bound. If a limit is not active, its bound moves inwards from
-    the value there, not from the old bound. If the value already exceeds the limit itself, the bound moves by this
-    excess less.
+    The excess is the largest within half an interval of each bounded instant. If a limit is not active, its bound moves
+    inwards from the value there, not from the old bound. If the value exceeds the limit itself, the bound moves by that
+    much less.
     """
     task, bounds, elastic = program.task, before.copy(), program.elastic
     curve = finer_motion(task.motion(x), OPTIONS.steps)
     half = OPTIONS.steps // task.stride
     row, instant = program.limited[:elastic].T
-    rates = row < program.rates  # slides are in arm lengths in these rows
+    rates = row < program.rates  # prismatic joints are in arm lengths in these rows
     units = np.where(rates, joint_scales(task.arm)[row % task.arm.dof], 1.0)
     sides, ranges, names = program.sides[:elastic], program.ranges[:elastic], np.array(program.inequality_names)
     slack = program.values(x).inequalities * ranges + sides * (program.bounds - before)[:elastic]
-    after = np.char.startswith(names, "velocity of ") & (row >= len(program.variables))  # of the next interval
+    after = np.char.startswith(names, "velocity of ") & (row >= len(program.variables))  # rows of the next interval
     for name in dict.fromkeys(names.tolist()):
         for side, excess in zip((1.0, -1.0), _excess(task, name, curve), strict=True):
             chosen = np.flatnonzero((names == name) & (sides == side))

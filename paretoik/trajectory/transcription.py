@@ -1,4 +1,7 @@
-"""From a task to its nonlinear program: functions traced, kinks reformulated, derivatives compiled, limits listed."""
+"""The transcription of a task into its nonlinear program (``motion_terms`` states it).
+
+Functions are traced, kinks reformulated, derivatives compiled, and limits listed.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,7 @@ class TranscriptionOptions:
     """Settings of probing functions for kinks, and of the evaluators in memory."""
 
     probes: int = 64  # number of random inputs
-    probe_range: tuple[float, ...] = (2.0, 1.0, 3.0, 10.0)  # rad, over powers of the duration: standard deviations
+    probe_range: tuple[float, ...] = (2.0, 1.0, 3.0, 10.0)  # standard deviations, in rad over powers of duration
     cache_size: int = 16  # number of sets of evaluators; levels of samples and scales of objectives share them
 
 
@@ -61,8 +64,8 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
     divisors = np.ones(len(task.objectives)) if scales is None else np.asarray(scales, dtype=float)
     functions = trace_functions(task, 1.0 / divisors)
     tape, instants, n = functions.motion.trace.tape, len(task.instants), task.arm.dof
-    # number of orders (position, velocity, acceleration, jerk) that functions and limits need, at least 2; and whether
-    # functions need those of the spline
+    # number of orders (position, velocity, acceleration, jerk) that functions and limits need, at least 2; whether
+    # functions need the spline's own
     entries = [*functions.sums, *functions.rows, *functions.epigraph_rows]
     numbers = [tape.entries[i][1] for i in dependencies(tape, entries) if tape.entries[i][0] is Op.INPUT]
     local = [i % (4 * n) // n for i in numbers if i < 8 * n]
@@ -113,7 +116,7 @@ _EVALUATORS: OrderedDict[Any, Evaluators] = OrderedDict()
 
 
 def _evaluators(functions: Functions, path: list[int]) -> Evaluators:
-    """Return the evaluators of functions and path, recalled if they are known."""
+    """Return the evaluators of functions and path, from the cache if they are known."""
     tape = functions.motion.trace.tape
     entries = functions.sums, functions.rows, functions.epigraph_rows, functions.epigraph_variables, path
     sides = [tuple(np.isfinite(bounds[:, :2]).any(axis=0)) for bounds in functions.bounds]
@@ -186,7 +189,7 @@ def _weighted_sum(tape: Tape, entries: list[int]) -> int:
 
 
 def _path_equations(functions: Functions, orders: int) -> list[int]:
-    """Return an instant's path equations, with a spline's needed time derivatives."""
+    """Return an instant's path equations, for a spline with their time derivatives."""
     motion, task = functions.motion, functions.task
     tape = motion.trace.tape
     parameters: list[list[Any]] = [[motion.trace.parameter(x) for x in part.T] for part in instant_targets(task)]

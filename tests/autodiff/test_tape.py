@@ -84,7 +84,7 @@ def test_plain_arrays_meet_expressions_element_by_element():
     [
         (lambda x: 1 if x else 0, "use np.where"),
         (lambda x: math.sin(x), "use only NumPy functions"),
-        (lambda x: np.floor(x), "np.floor has no derivative here; those that have: absolute, add"),
+        (lambda x: np.floor(x), "np.floor has no derivative here; functions that have one: absolute, add"),
         (lambda x: np.add(x, 1.0, dtype=float), "np.add.__call__ must be a plain call"),
         (lambda x: x * 1j, "values must be real numbers where derivatives are taken, got 1j"),
     ],

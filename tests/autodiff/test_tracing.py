@@ -192,11 +192,11 @@ def test_plain_arrays_meet_traced_ones_where_numpy_lets_them(shape, wide):
     try:
         expected = source * plain
     except ValueError:
-        with pytest.raises(InvalidInput, match="do not go together"):
+        with pytest.raises(InvalidInput, match="do not broadcast"):
             array * plain
         return
     if expected.shape[0] != SAMPLES or expected.ndim > source.ndim:  # a batch: a traced motion is not a batch
-        with pytest.raises(InvalidInput, match="do not go together"):
+        with pytest.raises(InvalidInput, match="do not broadcast"):
             array * plain
         return
     np.testing.assert_array_equal(numbers(trace, array * plain, source), expected)

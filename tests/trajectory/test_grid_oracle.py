@@ -201,7 +201,7 @@ def test_a_spatial_arm_follows_poses_within_its_own_limits():
         ({"differences": "central"}, "got central differences"),
         ({"end_velocity": 0.0}, "got end_velocity=0"),
         ({"objectives": [pk.joint_drift]}, "objective joint_drift: form must be 'integral'"),
-        ({"objectives": [pk.jerk]}, "no further than accelerations"),
+        ({"objectives": [pk.jerk]}, "must be finite functions of q, dq and ddq, got NaN"),
     ],
 )
 def test_what_is_not_supported_is_refused_by_name(changed, said):
@@ -218,5 +218,5 @@ def test_a_grid_too_large_for_memory_is_refused(monkeypatch):
 def test_limits_that_no_way_keeps_are_named_with_the_sample():
     with pytest.raises(Infeasible, match=r"no posture satisfies the limits at sample \d+"):
         grid_oracle(task_of(short(11), limits=Limits(position=0.05)), resolution=0.1)
-    with pytest.raises(Infeasible, match=r"comes to sample \d+ of 11 .* within the limits"):
+    with pytest.raises(Infeasible, match=r"reaches sample \d+ of 11 .* within the limits"):
         grid_oracle(task_of(short(11), limits=Limits(velocity=0.05)), resolution=0.01)

@@ -69,7 +69,7 @@ def test_a_function_that_fails_where_the_grid_probes_is_planned_for_without_its_
         original.task.arm, original.task.tasks, objectives=[strict], start=tringali_2021.START, differences="backward"
     )
     with pytest.raises(
-        InvalidInput, match="functions must accept NaN in rates, got objective strict raised ValueError: nan given"
+        InvalidInput, match="functions must accept NaN in rates: objective strict raised ValueError: nan given"
     ):
         grid_oracle(problem.task, quick=True)
     assert pk.plan(problem, starts=8).best.objective < 1.001 * pk.plan(original, starts=8).best.objective

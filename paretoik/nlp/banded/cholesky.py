@@ -1,7 +1,7 @@
-"""Symmetric matrices with a band and a border, compiled: Newton's method over time needs them.
+"""Symmetric matrices with a band and a border, as in Newton's method over time; compiled.
 
 The matrix is [[A, Bᵀ], [B, C]]. The border couples unknowns that are far apart in time: the periodic boundary of a
-cycle, bounds on sums over all samples. If the band is as wide as its size, A is dense.
+cycle, or bounds on sums over all samples. If the band is as wide as A, A is dense.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def factorise(matrix, negative):
             for i in range(size):
                 total -= B[e, i] * X[b, i]
             S[e, b] = total
-    count = 0  # without pivoting: the border is definite block by block if the inertia is right
+    count = 0  # pivots are not exchanged: the border is definite block by block if the inertia is right
     for e in range(borders):
         if not abs(S[e, e]) > 0.0:
             return False
@@ -140,7 +140,7 @@ def solve(matrix, x):
 
 @compiled
 def solve_columns(matrix, columns, count):
-    """Overwrite the first columns of a matrix with their solutions, each bit for bit the result of ``solve``."""
+    """Overwrite the first columns of a matrix with their solutions, bit for bit as ``solve`` does."""
     L, X, S = matrix.L, matrix.X, matrix.S
     (size, band), borders = L.shape, S.shape[0]
     corner = np.empty((borders, count))

@@ -1,11 +1,11 @@
 """Elastic inequalities of an interior-point method, compiled.
 
     minimise    f(x) + Σ (penalty · t − μ log s − μ log t)
-    subject to  c(x) − s + t = r,  s, t > 0,  and the residual r vanishes
+    subject to  c(x) − s + t = r,  s > 0,  t > 0;  the residual r goes to 0
 
-The multiplier of s is z, that of t is penalty − z. For a given c the best s and t are known (``slacks``). If they are
-used at every c, r = 0, and the constraints add only a smooth function of c, which tends to penalty · max(0, −c) as μ
-falls. Source: Nocedal & Wright, Numerical Optimization, section 17.2 (exact penalty) and chapter 19 (barrier).
+The multiplier of s is z, that of t is penalty − z. For a given c the best s and t are known (``slacks``). With these,
+r is 0 and the constraints add only a smooth function of c, which tends to penalty · max(0, −c) as μ falls.
+Source: Nocedal & Wright, Numerical Optimization, section 17.2 (exact penalty) and chapter 19 (barrier).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ MULTIPLIER_ROUNDING = 1e-15  # least distance of z from 0 and from the penalty, 
 
 @compiled
 def slacks(c, mu, penalty):
-    """Return the best slacks (s, t) for a constraint value."""
+    """Return the (s, t) with s − t = c that minimise penalty · t − μ log s − μ log t."""
     root = np.sqrt((penalty * c) ** 2 + 4 * mu * mu)
     if c > 0:
         t = (2 * mu - penalty * c + root) / (2 * penalty) if penalty * c < ASYMPTOTE * mu else mu / penalty
@@ -39,7 +39,7 @@ def reset_slacks(c, mu, penalty, s, t, r):
 
 @compiled
 def begin_slacks(c, mu, penalty, shortest, s, t, r):
-    """Write slacks of at least ``shortest``, for any violation, and their residuals."""
+    """Write slacks s of at least ``shortest``, for any violation, and residuals."""
     for i in range(len(c)):
         t[i] = mu / penalty
         s[i] = max(c[i] + t[i], shortest)
@@ -50,7 +50,7 @@ def begin_slacks(c, mu, penalty, shortest, s, t, r):
 def step_slacks(c, s, t, ds, dt, length, trial_s, trial_t, trial_r):
     """Write slacks after a step, negative if it is too long, and their residuals.
 
-    No slack becomes shorter than c allows.
+    A positive residual is added to s, and becomes 0.
     """
     for i in range(len(c)):
         trial_s[i], trial_t[i] = s[i] + length * ds[i], t[i] + length * dt[i]
@@ -62,7 +62,7 @@ def step_slacks(c, s, t, ds, dt, length, trial_s, trial_t, trial_r):
 
 @compiled
 def merit_terms(s, t, mu, penalty):
-    """Return the slacks' part of the merit function; c far from its bound adds only the barrier."""
+    """Return the slacks' part of the merit function; a large c adds only a barrier term."""
     total = 0.0
     for i in range(len(s)):
         total += penalty * t[i] - mu * np.log(s[i]) - mu * np.log(t[i] * penalty / mu)
@@ -78,7 +78,7 @@ def central_multipliers(s, mu, penalty, z):
 
 @compiled
 def approach_central_path(s, mu, penalty, factor, z):
-    """Bring multipliers within a factor of the central path, if rounding errors prevent a better x."""
+    """Bring multipliers within a factor of the central path; used if rounding prevents a better x."""
     for i in range(len(s)):
         central = mu / s[i]
         z[i] = min(max(z[i], central / factor), central * factor, (1 - MULTIPLIER_ROUNDING) * penalty)
@@ -86,7 +86,7 @@ def approach_central_path(s, mu, penalty, factor, z):
 
 @compiled
 def barrier_terms(s, t, r, z, mu, penalty, stiffness, force):
-    """Write each constraint's stiffness Σ, and the force that replaces z on the right side of Newton's system."""
+    """Write each constraint's stiffness Σ, and ``force``, which replaces z in Newton's right side."""
     for i in range(len(s)):
         w = penalty - z[i]
         stiffness[i] = 1.0 / (s[i] / z[i] + t[i] / w)
@@ -97,8 +97,8 @@ def barrier_terms(s, t, r, z, mu, penalty, stiffness, force):
 def newton_slacks(s, t, r, z, dz, dc, mu, penalty, ds, dt):
     """Write Newton's steps of the slacks.
 
-    They linearise s z = μ and t (penalty − z) = μ. The step of the longer slack follows from dc − ds + dt = −r, which
-    has smaller rounding errors.
+    They linearise s z = μ and t (penalty − z) = μ. The step of the longer slack follows from dc − ds + dt = −r, because
+    this has smaller rounding errors.
     """
     for i in range(len(s)):
         w = penalty - z[i]
@@ -112,7 +112,7 @@ def newton_slacks(s, t, r, z, dz, dc, mu, penalty, ds, dt):
 
 @compiled
 def limit_implied_step(c, s, dc, mu, length, fraction):
-    """Return the merit terms' slope along dc, and a step length that keeps all s positive, for slacks that follow c.
+    """Return the merit terms' slope along dc and a step length with all s > 0, for slacks that follow c.
 
     Fraction to the boundary: Nocedal & Wright, Eq. 19.9.
     """
@@ -126,7 +126,7 @@ def limit_implied_step(c, s, dc, mu, length, fraction):
 
 @compiled
 def limit_step(s, t, ds, dt, mu, penalty, length, fraction):
-    """Return what ``limit_implied_step`` returns, for slacks with own steps."""
+    """Return what ``limit_implied_step`` returns, for slacks with their own steps."""
     slope = 0.0
     for i in range(len(s)):
         slope += penalty * dt[i] - mu * ds[i] / s[i] - mu * dt[i] / t[i]

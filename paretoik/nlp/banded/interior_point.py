@@ -78,8 +78,8 @@ class Iteration(NamedTuple):
     trial_r: np.ndarray
     z: np.ndarray  # multipliers of c
     dz: np.ndarray
-    stiffness: np.ndarray  # of the constraints in Newton's system
-    force: np.ndarray  # multipliers that replace z on its right side
+    stiffness: np.ndarray  # stiffness of the constraints in Newton's system
+    force: np.ndarray  # multipliers that replace z on the right side of Newton's system
     objective_weights: np.ndarray
     residual: np.ndarray  # (unknowns,) reduced gradient of the Lagrangian
     step: np.ndarray  # (unknowns + bounds,)
@@ -96,8 +96,12 @@ class GoalArrays(NamedTuple):
 
 
 class Line(NamedTuple):
-    """A line to search: its largest step and, at its start, the merit's slope, the merit, and the residual θ.
+    """A line to search.
 
+    length: largest step
+    slope: derivative of the merit function at the start
+    merit: merit function at the start
+    residual: residual θ at the start
     large_residual: largest θ at which only the merit decides
     """
 
@@ -109,7 +113,12 @@ class Line(NamedTuple):
 
 
 class Barrier(NamedTuple):
-    """The subproblem: barrier μ and penalty; the violation when it was last halved, and the penalty at that time."""
+    """The subproblem of a barrier and a penalty.
+
+    mu: barrier μ
+    violation: violation when it was last halved
+    helpful_penalty: penalty at that time
+    """
 
     mu: float
     penalty: float
@@ -211,7 +220,7 @@ def _factorise_definite(matrix, border, largest, least, delta):
     """Factorise with the smallest tried δ I that gives the right inertia, and return δ.
 
     The first δ is a share ``least`` of ``largest``, or a quarter of the last one (Nocedal & Wright, algorithm 3.3).
-    Returns a 16th of the last δ if none is needed, inf if none serves: the matrix is not finite.
+    Returns a 16th of the last δ if none is needed, inf if none suffices, because the matrix is not finite.
     """
     A, C, added, largest_entry = matrix.A, matrix.C, 0.0, largest
     for i in range(A.shape[0]):
@@ -261,7 +270,7 @@ def search_direction(kernel, work, it, options, goal, barrier, dx, infeasible):
 def search_line(kernel, work, it, options, goal, barrier, points, dx, line, entries):
     """Write the trial point of the longest accepted step; return (whether there is one, merit, filter entries).
 
-    ``points`` are x and the trial point. A step with a predicted decrease below rounding is tried only at full length.
+    ``points`` are x and the trial point. If the predicted decrease is only rounding, only the full step is tried.
     """
     (x, trial), (length, slope, before, theta, infeasible) = points, line
     after, mu, penalty = before, barrier.mu, barrier.penalty
@@ -285,7 +294,7 @@ def search_line(kernel, work, it, options, goal, barrier, points, dx, line, entr
 
 @compiled
 def is_negligible(slope, before, options):
-    """Return whether the predicted decrease of the merit function is rounding."""
+    """Return whether the predicted decrease of the merit function is only rounding."""
     return -slope <= options.flat_decrease * (1 + abs(before))
 
 
@@ -315,7 +324,7 @@ def _filter_accepts(theta, before, trial_theta, after, slope, length, infeasible
 
 @compiled(what="the interior-point method", seconds=25)
 def minimise(kernel, x, weights, rows, upper, options, stop):
-    """Minimise weights · F from x with rows · F ≤ upper, until ``stop[0]`` is not 0; an infinite bound is no bound.
+    """Minimise weights · F from x with rows · F ≤ upper, until ``stop[0]`` is not 0; inf is no bound.
 
     Returns (x, status, iterations, F, multipliers of c, then of the finite bounds, stationarity, worst violation).
     """
@@ -375,7 +384,7 @@ def _iterate(kernel, work, it, options, goal, x, border, stop):
             break
         line = search_direction(kernel, work, it, options, goal, barrier, dx, infeasible)
         slope, before, theta = line.slope, line.merit, line.residual
-        # flat: a step can gain next to nothing, by rounding or relative to μ, or several steps stalled
+        # flat: the predicted decrease is only rounding or tiny relative to μ, or several steps stalled
         flat = is_negligible(slope, before, options) or -slope <= options.flat_barrier * barrier.mu
         flat = theta == 0.0 and (flat or stalled >= options.stalled_steps)
         accepted, after, entries = search_line(kernel, work, it, options, goal, barrier, (x, trial), dx, line, entries)
@@ -470,7 +479,7 @@ def _subproblem_solved(barrier, stationarity, complementarity, flat, it, options
 
 @compiled
 def _soft_violation(barrier, options):
-    """Return the largest violation that the barrier explains: proportional to μ."""
+    """Return the largest violation due to the barrier: it is proportional to μ."""
     return options.soft_violation * barrier.mu / barrier.penalty
 
 
@@ -478,7 +487,7 @@ def _soft_violation(barrier, options):
 def _next_subproblem(kernel, work, it, options, goal, barrier, x, worst, violation):
     """Return whether constraints are infeasible, and the next subproblem.
 
-    The penalty grows or the barrier falls below the ``worst`` error.
+    The penalty grows, or the barrier falls until the ``worst`` error exceeds the tolerance.
     """
     mu, penalty, before, helpful = barrier
     if mu <= options.penalty_barrier and violation > _soft_violation(barrier, options):

@@ -44,7 +44,7 @@ def implement(step: Callable[..., Any], kernel_class: type) -> Callable[[Callabl
 
 
 def dimensions(kernel: Any, x: Any) -> Any:
-    """Return the Newton matrix's (size, band, border) and c's number of entries."""
+    """Return the Newton matrix's (size, band, border) and the number of entries of c."""
 
 
 def objective_scale(kernel: Any, weights: Any) -> Any:
@@ -80,11 +80,11 @@ def linearise(kernel: Any, work: Any, x: Any) -> Any:
 
 
 def reduced_gradient(kernel: Any, work: Any, weights: Any, multipliers: Any, out: Any) -> Any:
-    """Write Zᵀ ∇(weights · F − multipliers · c); without multipliers c is left out."""
+    """Write Zᵀ ∇(weights · F − multipliers · c); c is left out if there are no multipliers."""
 
 
 def prepare_multipliers(kernel: Any, work: Any, weights: Any) -> Any:
-    """Prepare weights of the Hessian and multipliers of h, those of the gradient that was reduced last."""
+    """Prepare the Hessian's weights, and the multipliers of h from the last reduced gradient."""
 
 
 def residual_norm(kernel: Any, residual: Any) -> Any:

@@ -1,8 +1,8 @@
 """The kernel with a dense Newton matrix, for small programs.
 
-See ``dense_program``. It evaluates their rows. A program consists of parts. Each part is a few functions of a few
-unknowns, the same at several places (``AssembledRows``). Objectives are linear: F(x) = objectives · x. Derivatives are
-lists of entries, one per place.
+It evaluates the rows of a ``dense_program``, in parts. Each part is a few functions of a few unknowns, evaluated at
+several places (the lanes of ``AssembledRows``). Objectives are linear: F(x) = objectives · x. Derivatives are lists of
+entries, one per place.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ VALUE, FIRST, SECOND = 0, 1, 2
 class DenseKernel(NamedTuple):
     """A program of parts; its rows are h, then c.
 
-    programs: (parts, 3, 10) one program each for values, first and second derivatives: beginnings and ends of code,
-        constants, inputs and outputs, then numbers of registers and outputs
-    parts: (parts, 8) numbers of places, unknowns, parameters and rows, whether there are equalities, and first index in
-        ``where``, ``parameters`` and ``row``
+    programs: (parts, 3, 10) for values, first and second derivatives: begin and end of code, constants, inputs and
+        outputs, then numbers of registers and outputs
+    parts: (parts, 8) numbers of places, unknowns, parameters and rows, whether there are equalities, and first indices
+        in ``where``, ``parameters`` and ``row``
     """
 
     unknowns: int
@@ -97,7 +97,7 @@ class DenseWorkspace(NamedTuple):
 
 @compiled
 def run_part(kernel, work, x, p, which, out):
-    """Write values, first or second derivatives of part p at x into ``out``; ``which`` is their order.
+    """Write part p's values or derivatives at x into ``out``; ``which``: VALUE, FIRST or SECOND.
 
     The program of second derivatives also reads the multipliers.
     """
@@ -168,12 +168,12 @@ def first_derivatives(kernel, work, x, equalities_only):
 
 # Levenberg–Marquardt method for the equalities of small programs, compiled.
 #
-#     minimise    ‖h + ∂h d‖² + λ ‖d‖²,  so that d = −∂hᵀ (∂h ∂hᵀ + λ I)⁻¹ h
+#     minimise    ‖h + ∂h d‖² + λ ‖d‖²,  solved by d = −∂hᵀ (∂h ∂hᵀ + λ I)⁻¹ h
 
 
 @compiled
 def _damped_step(kernel, work, damping):
-    """Write ∂hᵀ (∂h ∂hᵀ + damping · mean diagonal · I)⁻¹ h; False if singular."""
+    """Write ∂hᵀ (∂h ∂hᵀ + damping · mean diagonal · I)⁻¹ h; return False if singular."""
     m, n = kernel.equalities, kernel.unknowns
     trace = 0.0
     for i in range(m):
@@ -222,7 +222,7 @@ def _dimensions(kernel, x):
 
 @implement(steps.objective_scale, DenseKernel)
 def _objective_scale(kernel, weights):
-    """Return the length of the gradient of weights · F, 1 instead of 0."""
+    """Return the length of the gradient of weights · F, or 1 if it is 0."""
     total = 0.0
     for j in range(kernel.unknowns):
         slope = 0.0
@@ -328,7 +328,7 @@ def _evaluate(kernel, work, x, F, c):
 
 @implement(steps.linearise, DenseKernel)
 def _linearise(kernel, work, x):
-    """Write first derivatives and reflections of ∂hᵀ; False if rank is deficient."""
+    """Write first derivatives and reflectors of ∂hᵀ; return False if its rank is deficient."""
     for j in range(kernel.unknowns):
         work.point[j] = x[j]
     first_derivatives(kernel, work, x, False)
@@ -342,7 +342,7 @@ def _linearise(kernel, work, x):
 def _reduced_gradient(kernel, work, weights, multipliers, out):
     """Write ∇(weights · F − multipliers · c) along the null space.
 
-    The workspace has the whole gradient, rotated.
+    The workspace gets the whole gradient, rotated.
     """
     n, m = kernel.unknowns, kernel.equalities
     for j in range(n):
@@ -366,7 +366,7 @@ def _reduced_gradient(kernel, work, weights, multipliers, out):
 def _prepare_multipliers(kernel, work, weights):
     """Write the multipliers ν of h.
 
-    They satisfy ∂hᵀ ν = −(gradient across the null space).
+    They satisfy ∂hᵀ ν = −(gradient in the row space of ∂h).
     """
     for i in range(kernel.equalities):
         work.multipliers[i] = -work.gradient[i]
@@ -456,7 +456,7 @@ def _constraint_rows(kernel, work, columns, entries):
 def _retract(kernel, work, x, dx, length, trial):
     """Write the point on h = 0 after a step.
 
-    Newton steps go across the null space at x.
+    Newton steps are in the row space of ∂h at x.
     """
     m, n = kernel.equalities, kernel.unknowns
     for j in range(n):
@@ -540,7 +540,7 @@ def _kernel(whole: AssembledRows) -> DenseKernel:
 
 
 def _concatenate_evaluators(parts: Sequence[Part]) -> dict[str, Any]:
-    """Return the joined arrays of all evaluators, with a table of where each begins and ends."""
+    """Return the joined arrays of all evaluators, and a table with the beginning and end of each."""
     names = ("code", "constants", "inputs", "outputs")
     orders = [(part.program.values, part.program.jacobian_entries, part.program.hessian_entries) for part in parts]
     flat = [evaluator for each in orders for evaluator in each]

@@ -70,7 +70,7 @@ class DenseProgram:
         equalities, inequalities = self.rows.rows(x)
         jacobian = self.rows.jacobian(x)
         if not all(np.isfinite(part).all() for part in (equalities, inequalities, jacobian)):
-            raise EvaluationFailed("program must have finite rows and derivatives, got others")
+            raise EvaluationFailed("program must have finite rows and derivatives, got inf or nan")
         basis, pseudoinverse = null_space(jacobian[: len(equalities)])
         return DenseLinearisation(
             program=self,
@@ -88,7 +88,7 @@ class DenseProgram:
         )
 
     def kinks_at(self, x: Float[np.ndarray, " unknowns"]) -> tuple[str, ...]:
-        """Return nothing: all kinks have their own unknowns."""
+        """Return no names: all kinks have their own unknowns."""
         return ()
 
     def distance(
@@ -144,7 +144,7 @@ def null_space(
 ) -> tuple[Float[np.ndarray, "unknowns columns"], Float[np.ndarray, "unknowns equalities"]]:
     """Return an orthonormal basis of the null space and the pseudoinverse, by QR decomposition.
 
-    Each unknown in no equality is a basis vector. Raises EvaluationFailed if too few unknowns affect the equalities.
+    An unknown in no equality is a basis vector. Raises EvaluationFailed if too few unknowns affect the equalities.
     """
     rows, size = jacobian.shape
     nonzero = jacobian.any(axis=0)

@@ -1,6 +1,6 @@
 """Equalities and inequalities of smooth programs with their first and second derivatives.
 
-Small programs are traced once. Large programs are assembled from small ones, each a function of a few of the unknowns.
+Small programs are traced once. Large programs are assembled from small ones, which use a few unknowns each.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class TracedRows:
 
     values: evaluator of h, then c
     jacobian_entries: evaluator of the Jacobian's entries at jacobian_pattern (rows, columns)
-    hessian_entries: evaluator of the weighted sum's Hessian, lower triangle, at hessian_pattern; takes weights too
+    hessian_entries: evaluator of the lower triangle of the Hessian of Σ weight · row, at hessian_pattern
     """
 
     unknowns: int
@@ -83,14 +83,14 @@ def _pattern(entries: Iterable[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Rows in several lanes, each with own unknowns, at the indices ``where``, and own parameters."""
+    """Rows in several lanes, each with its own unknowns (indices ``where``) and parameters."""
 
     program: TracedRows
     where: Int[np.ndarray, "lanes unknowns"]
     parameters: Float[np.ndarray, "lanes parameters"]
 
     def run(self, evaluator: Evaluator, z: np.ndarray, weights: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the results (outputs, lanes) of one of its evaluators; ``weights`` (rows, lanes) are those of rows."""
+        """Return the results (outputs, lanes) of an evaluator of the program, with weights (rows, lanes) of rows."""
         rows = self.program.equalities + self.program.inequalities
         factors = np.broadcast_to(weights, (rows, len(self.where)))
         return evaluator(np.concatenate([z[self.where].T, self.parameters.T, factors]))

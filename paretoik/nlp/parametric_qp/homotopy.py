@@ -3,10 +3,10 @@
     minimise    ½ dᵀH d + gᵀd
     subject to  c + A d ≥ 0
 
-The step d = 0 and the multipliers y ≥ 0 are optimal for the gradient Aᵀy and slacks that are 0 if y > 0. From these
-data to the true ones the optimum moves in straight pieces; at the end of a piece a constraint is added or dropped. Near
-the solution there are few pieces. H must be positive definite only along the active constraints: if dropping one leaves
-negative curvature, the optimum and the homotopy end; if curvature is 0, the step is as short as possible.
+For guessed multipliers y ≥ 0, the step d = 0 is optimal if the gradient is Aᵀy and slacks are 0 for y > 0. While these
+data change into the true ones, the optimum moves in straight pieces; a constraint is added or dropped at the end of
+each. If the guess is good, there are few pieces. H must be positive definite only along the active constraints: if
+dropping one leaves negative curvature, the homotopy ends; if curvature is 0, the step is as short as possible.
 Source: Best 1996, An algorithm for the solution of the parametric quadratic programming problem; Ferreau, Bock & Diehl
 2008. The Schur complement of the active constraints solves the system of a piece.
 """
@@ -34,7 +34,7 @@ from paretoik.nlp.linear_algebra import factorise_lu, norm, solve_lu
 
 
 class QuadraticProgram(NamedTuple):
-    """The program min ½ dᵀHd + gᵀd with c + Ad ≥ 0; its rows have length one: sparse rows, then dense ones."""
+    """The program min ½ dᵀHd + gᵀd with c + Ad ≥ 0; rows of A, sparse ones first, have length one."""
 
     A: np.ndarray  # (size, band), lower half of H
     B: np.ndarray  # (border, size)
@@ -112,9 +112,9 @@ def _add_products(factor, row, first, count, products):
 # The Hessian of a quadratic program, made definite by its active rows, and its factors.
 #
 # K = H + ρ Σ aᵢaᵢᵀ over active rows is positive definite if H is positive definite along them and ρ is large. With only
-# the sparse rows K is banded and is factorised as such; if that K is not definite, all rows count and K is dense. If H
-# has no curvature along the rows, it is regularised from then on: the optimum does not move that way by itself. Source:
-# Nocedal & Wright, section 17.4.
+# the sparse rows K is banded; if it is not definite, all rows count and K is dense. If H has no curvature along the
+# rows, it is regularised from then on, so that the optimum does not move without need. Source: Nocedal & Wright,
+# section 17.4.
 
 
 class WorkingSetOptions(NamedTuple):
@@ -124,12 +124,12 @@ class WorkingSetOptions(NamedTuple):
     dense: int = 2  # index of the first ρ with all rows
     flat: int = 4  # index of the ρ with a regularised H
     regularisation: float = 1e-6  # added to H's diagonal from then on: much less than any curvature that counts
-    curvature: float = 1e-13  # least curvature along a row that may be dropped, as a share of its ρ: less is rounding
+    curvature: float = 1e-13  # least curvature along a row that may be dropped, as a share of ρ: less is rounding
 
 
 OPTIONS = WorkingSetOptions()
-IS_DENSE, IS_REGULARISED = 0, 1  # places in the flags
-ROWS, CHANGES = 0, 1  # places in the counts
+IS_DENSE, IS_REGULARISED = 0, 1  # indices of ``flags``
+ROWS, CHANGES = 0, 1  # indices of ``counts``
 
 
 @compiled
@@ -184,7 +184,7 @@ def factorise_hessian(program, work, scale):
 
 @compiled
 def _add_square(matrix, rho, row):
-    """Add ρ aaᵀ of a row to a dense matrix; the row has the first unknowns."""
+    """Add ρ aaᵀ to a dense matrix; the entries of row a are those of the first unknowns."""
     for i in range(len(row)):
         factor = rho * row[i]
         for d in range(i + 1):
@@ -202,17 +202,17 @@ def factorised(work):
 #     [H, −Aᵀ] [d]   [r]
 #     [A,   0] [y] = [b]
 #
-# With K = H + ρ Σ aᵢaᵢᵀ, d = K⁻¹(r + Aᵀŷ) and A K⁻¹ Aᵀ ŷ = b − A K⁻¹ r, ŷ = y + ρ b. A dropped
-# row stays until K is factorised again; its ŷ = ρ aᵀd then removes its part of K. Source: Nocedal & Wright, sections
+# With K = H + ρ Σ aᵢaᵢᵀ and ŷ = y + ρ b, the solution is d = K⁻¹(r + Aᵀŷ) with A K⁻¹ Aᵀ ŷ = b − A K⁻¹ r. A dropped row
+# stays until K is factorised again; until then its ŷ = ρ aᵀd cancels its part of K. Source: Nocedal & Wright, sections
 # 16.2 and 17.4; Gill, Murray, Saunders & Wright 1990, A Schur-complement method for sparse quadratic programming.
 
 
 class WorkingSet(NamedTuple):
-    """K, factorised, and the rows in its Schur complement."""
+    """The factors of K, and the rows of the Schur complement."""
 
     banded: BorderedMatrix  # K with only the sparse rows
     full: BorderedMatrix  # K with all rows: its band is as wide as the matrix
-    flags: np.ndarray  # whether K is the dense one, and whether H is regularised
+    flags: np.ndarray  # whether K is ``full``, and whether H is regularised
     rows: np.ndarray  # (capacity,) constraints
     stiffness: np.ndarray  # (capacity,): ρ of rows in K, else 0
     solved: np.ndarray  # (capacity, unknowns): K⁻¹ a
@@ -222,9 +222,9 @@ class WorkingSet(NamedTuple):
     right: np.ndarray  # (capacity,)
     vector: np.ndarray  # (unknowns,)
     columns: np.ndarray  # (unknowns, capacity)
-    position: np.ndarray  # (constraints,): place in rows, −1 for none
+    position: np.ndarray  # (constraints,): index in ``rows``, −1 for none
     is_active: np.ndarray  # (constraints,)
-    counts: np.ndarray  # rows, and changes since K was factorised
+    counts: np.ndarray  # numbers of rows, and of changes since K was factorised
 
 
 @compiled
@@ -325,7 +325,7 @@ def solve_working_set(program, work, homotopy):
 
 @compiled
 def project_row(program, work, row, multipliers):
-    """Write y with A_activeᵀ y nearest to a row in the norm of K⁻¹; return the share of the row that is left."""
+    """Write the y whose A_activeᵀ y is nearest to a row in the norm of K⁻¹; return the share that is left."""
     count, vector = work.counts[ROWS], work.vector
     write_row(program, row, vector)
     solve(factorised(work), vector)
@@ -346,8 +346,8 @@ def project_row(program, work, row, multipliers):
 def drop_or_regularise(work, row):
     """Drop an active constraint; return whether the optimum continues without it.
 
-    It does if curvature stays positive (Haynsworth's inertia formula). Else K with a regularised H decides at the next
-    update, unless H is regularised already.
+    It does if curvature stays positive (Haynsworth's inertia formula). Else H is regularised, and the next update
+    decides; if H is regularised already, the optimum ends.
     """
     place = work.position[row]
     for w in range(work.counts[ROWS]):
@@ -405,7 +405,7 @@ def drop_constraint(work, row):
 
 @compiled
 def update_working_set(program, work, updates, scale):
-    """Factorise the system after changes, K too after more than ``updates``; return whether it is definite."""
+    """Factorise the system after changes, and K if these exceed ``updates``; return whether K is definite."""
     if work.counts[CHANGES] <= updates and _factorise_schur(work):
         return True
     return factorise_working_set(program, work, scale)
@@ -418,19 +418,19 @@ class QpOptions(NamedTuple):
     """Tolerances without unit: rows of A have length one; H and g are divided by ‖g‖.
 
     changes: largest number of changes of the active set; more count as cycling
-    updates: number of updates before the matrix is factorised again
+    updates: number of updates before K is factorised again
     """
 
     changes: int = 100
     updates: int = 24
     dependent: float = 1e-10  # largest share of a row outside the span of active rows that counts as 0
     rate: float = 1e-13  # largest rate of decrease of a slack or a multiplier that counts as rounding
-    lift: float = 1e-4  # first value of slacks, each times its own factor from 1 to 2, as ties could cycle
+    lift: float = 1e-4  # first value of slacks, each times its own factor from 1 to 2: equal slacks could cycle
     end: float = 1e-9  # largest remaining share of the homotopy that counts as 0
 
 
 class QpHomotopy(NamedTuple):
-    """The optimum, the rates of the data, and the rates of the optimum."""
+    """Optimum of a QP; rates of its data and of the optimum along the homotopy."""
 
     step: np.ndarray
     multipliers: np.ndarray
@@ -444,7 +444,7 @@ class QpHomotopy(NamedTuple):
 
 @compiled(what="the parametric quadratic program", seconds=5)
 def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, options):
-    """Return (step, multipliers, share of the homotopy, changes of the active set) of a quadratic program's solution.
+    """Return a quadratic program's (step, multipliers, share of the homotopy, changes of the active set).
 
         minimise    ½ dᵀH d + gᵀd,  H = [[A, Bᵀ], [B, C]] with A banded (``banded.cholesky``)
         subject to  values + [rows] d ≥ 0
@@ -493,7 +493,7 @@ def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, 
 
 @compiled
 def _follow(program, work, homotopy, scale, options):
-    """Follow the optimum to the true data or its end; return the homotopy's share and the number of changes."""
+    """Follow the optimum to the true data, or until it ends; return the homotopy's share and changes."""
     share, changes = 0.0, 0
     if not factorise_working_set(program, work, scale):
         return share, changes
@@ -503,7 +503,7 @@ def _follow(program, work, homotopy, scale, options):
             homotopy.slack_rates[i] = 0.0
             if not work.is_active[i]:
                 homotopy.slack_rates[i] = homotopy.value_rate[i] + row_product(program, i, homotopy.step_rate)
-        # the piece's length, the constraint that ends it (−1: none), and whether it is dropped
+        # the length of the piece: the least −slack / rate or −multiplier / rate; ``row`` ends it (−1: none)
         length, row, dropped = 1.0 - share, -1, False
         for i in range(len(homotopy.slacks)):
             if not work.is_active[i] and homotopy.slack_rates[i] < -options.rate:
@@ -538,7 +538,7 @@ def _follow(program, work, homotopy, scale, options):
 
 @compiled
 def _add(program, work, homotopy, row, options):
-    """Add a constraint, in place of one that it depends on if any; return whether all can be satisfied."""
+    """Add a constraint, or exchange one that it depends on for it; return whether all can be satisfied."""
     remainder = project_row(program, work, row, homotopy.multiplier_rates)
     homotopy.slacks[row] = 0.0
     if remainder <= options.dependent:

@@ -2,8 +2,8 @@
 
     Fₖ(d) ≈ Fₖ + ∂Fₖ d + ½ dᵀ Fₖ'' d for every objective k,  c(d) ≈ c + ∂c d
 
-The second derivatives of an objective include the curvature of h(x) = 0, with the objective's own multipliers.
-Therefore they equal those of F at the point to which a step leads.
+The second derivatives of an objective include the curvature of h(x) = 0, with the objective's own multipliers. They
+are therefore those of F at the retracted point after a step.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class LocalModel(NamedTuple):
     A: np.ndarray  # (1 + objectives, size, band): the Hessian of the Lagrangian, then those of the objectives
     B: np.ndarray
     C: np.ndarray
-    stiffness: np.ndarray  # (inequalities,): 0
-    unit: np.ndarray  # (objectives,): 0
+    stiffness: np.ndarray  # (inequalities,): zeros
+    unit: np.ndarray  # (objectives,): zeros, for a moment a 1
     reduced: np.ndarray  # (unknowns,)
 
 
@@ -91,7 +91,7 @@ def to_first_order(kernel, work, x, model):
 
 @compiled
 def lagrangian_hessian(kernel, work, weights, multipliers, model, which):
-    """Write the Hessian of weights · F − multipliers · c at the linearised x, as number ``which`` of the model."""
+    """Write the Hessian of weights · F − multipliers · c at the linearised x as the model's matrix ``which``."""
     A, B, C = model.A[which], model.B[which], model.C[which]
     clear(A)
     clear(B)
@@ -177,8 +177,8 @@ def lead_to_optimum(model, initial, step, y, weights, rows, upper, predictions, 
                     B[e, i] = _entry(model.B[:, e, i], weighed, initial)
                 for f in range(C.shape[0]):
                     C[e, f] = _entry(model.C[:, e, f], weighed, initial)
-        # objectives' gradients, the goal's gradient, and values of limits and bounds of the model at a step. The goal's
-        # gradient includes the curvature of limits: the Lagrangian's Hessian less the objectives' Hessians
+        # the models' gradients, limits and bounds at a step. The goal's gradient g also has the curvature of limits:
+        # the Lagrangian's Hessian less the objectives' Hessians
         objectives, moved = model.objectives.copy(), norm(step) > 0.0
         move_objectives(model, step, gradients, objectives)
         for j in range(n):
@@ -234,7 +234,7 @@ def _entry(entries, weighed, initial):
 
 @compiled
 def move_objectives(model, step, gradients, objectives):
-    """Write gradients and values of the objectives' models at a step; on input, values are those at step 0."""
+    """Write gradients and values of the objectives' models at a step; ``objectives`` has the values at step 0."""
     moved = norm(step) > 0.0
     for k in range(len(objectives)):
         for j in range(len(step)):

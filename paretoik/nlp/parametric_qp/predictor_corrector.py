@@ -4,10 +4,10 @@
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
 
 A step is the optimum of quadratic models of all objectives, each with its own Hessian, and linear models of the limits.
-A prediction needs derivatives only where it begins: the errors of the models' values at the predicted point are added
-to the models, which are then solved again, so that errors of objectives fall from the third to the fourth power of the
-step (second-order correction: Nocedal & Wright 2006, section 18.3). A correction takes derivatives at every point, with
-the Hessian of the Lagrangian alone after its first step.
+A prediction takes derivatives only at its first point. The models' errors at the predicted point are added to them, and
+they are solved again, so that errors of objectives fall from the third to the fourth power of the step (second-order
+correction: Nocedal & Wright 2006, section 18.3). A correction takes derivatives at every point, but after its first
+step only the Hessian of the Lagrangian.
 """
 
 from __future__ import annotations
@@ -58,10 +58,10 @@ class StepOptions(NamedTuple):
 
 @compiled(what="the continuation of optima", seconds=25)
 def move_optimum(kernel, x, multipliers, weights, rows, upper, options, predicts):
-    """Return a goal's optimum, predicted at another's optimum or corrected from a guess.
+    """Return a goal's optimum, predicted from another goal's optimum or corrected from a guess.
 
     The result is (point, multipliers, corrections, whether it was found). Multipliers are those of c, then of
-    rows · F ≤ upper. Both ways are one function, because compiling the kernel's steps takes most of the time.
+    rows · F ≤ upper. One function does both, because most of the compile time is that of the kernel's steps.
     """
     problem = refer(kernel)
     arrays = allocate_workspace(problem, x)
@@ -140,7 +140,7 @@ def _predict(problem, work, model, point, trial, multipliers, weights, rows, upp
         weigh(weights, rows, y, factors)
         lagrangian_hessian(problem, work, factors, y[: len(model.c)], model, 0)
         objective_hessians(problem, work, model)
-    wish = _bounds_missed(model.objectives, rows, upper)
+    excess = _largest_excess(model.objectives, rows, upper)
     objectives, c, moved_upper = np.zeros(len(weights)), np.zeros(len(model.c)), upper.copy()
     step = np.zeros(model.gradients.shape[1])
     for _ in range(options.updates + 1 if exists else 0):
@@ -150,7 +150,7 @@ def _predict(problem, work, model, point, trial, multipliers, weights, rows, upp
             exists = False
             break
         evaluate(problem, work, trial, objectives, c)
-        # shift the models to the values at a step: limits in place, objectives in their bounds
+        # shift the models to the values at a step: c ← c(trial) − ∂c d, upper ← upper − rows · (F(trial) − F(d))
         predicted, gradients = model.objectives.copy(), model.gradients.copy()
         move_objectives(model, step, gradients, predicted)
         for e in range(len(rows)):
@@ -159,16 +159,16 @@ def _predict(problem, work, model, point, trial, multipliers, weights, rows, upp
                 moved_upper[e] -= rows[e, k] * (objectives[k] - predicted[k])
         for i in range(len(c)):
             model.c[i] = c[i] - limit_change(model, i, step)
-    # the allowed excess over a limit is a share of its largest change
+    # the allowed excess over a bound is a share of the first excess, over a limit a share of its largest change
     if exists:
-        exists = not _bounds_missed(objectives, rows, upper) > options.missed * wish + options.violation
+        exists = not _largest_excess(objectives, rows, upper) > options.missed * excess + options.violation
         for i in range(len(c)):
             exists &= not -c[i] - options.missed * norm(step) * norm(model.entries[i]) > options.violation
     return y, exists
 
 
 @compiled
-def _bounds_missed(objectives, rows, upper):
+def _largest_excess(objectives, rows, upper):
     """Return the largest excess of objectives over their bounds, at least 0."""
     largest = 0.0
     for e in range(len(rows)):
