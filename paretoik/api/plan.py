@@ -151,16 +151,6 @@ def plan(
         ending = session.ended(session.stopped_by or "optima", optima=len(plan.optima), starts=plan.starts)
         plan = replace(plan, provenance={**ending, **plan.provenance})
 
-        def end() -> PlanEnd:
-            optima = []
-            for place, each in enumerate(plan.optima):
-                motion, between = record_motion(each.motion, curves=True), float(each.violation_between)
-                point = RecordedPoint(id=place, objectives=np.array([each.objective]), motion=motion)
-                optima.append(
-                    PlannedOptimum(point=point, branch=each.label, status=each.status, violation_between=between)
-                )
-            return PlanEnd(optima=optima, provenance=dict(plan.provenance))
-
         def draw(folder: Path) -> None:
             from paretoik.review.pictures.motions import plan_picture  # here: matplotlib loads slowly
 
@@ -170,7 +160,7 @@ def plan(
             plan,
             partial(save_plan, plan, name=name, unit=unit, maximised=maximised),
             status=plan.provenance["status"],
-            end=end,
+            end=partial(_plan_end, plan),
             draw=draw,
         )
     return plan
@@ -213,3 +203,13 @@ def _planned_level(number: int, level: LevelProgress) -> PlannedLevel:
         ),
         least_violating=broken,
     )
+
+
+def _plan_end(plan: Plan) -> PlanEnd:
+    """Return the optima for drawing."""
+    optima = []
+    for place, each in enumerate(plan.optima):
+        motion, between = record_motion(each.motion, curves=True), float(each.violation_between)
+        point = RecordedPoint(id=place, objectives=np.array([each.objective]), motion=motion)
+        optima.append(PlannedOptimum(point=point, branch=each.label, status=each.status, violation_between=between))
+    return PlanEnd(optima=optima, provenance=dict(plan.provenance))

@@ -124,11 +124,9 @@ def _solve(
         ]
     # copies, because numba compiles again for read-only or non-contiguous arrays
     items = [(x[i].copy(), weights[i].copy(), rows, upper[i].copy(), options[i]) for i in range(count)]
-    if kernel is None:
-        keys = [program_key("SQP minimum", program, *item) for item in items]
-    else:
-        inputs = [(start, rows, factors, *others) for start, factors, _, *others in items]
-        keys = [program_key("interior-point minimum", program, *each) for each in inputs]
+    named = "SQP minimum" if kernel is None else "interior-point minimum"
+    inputs = items if kernel is None else [(start, rows, factors, *others) for start, factors, _, *others in items]
+    keys = [program_key(named, program, *each) for each in inputs]
     ends, remaining = [_unknown_end(program, start, INTERRUPTED) for start in x], iter(range(count))
 
     def work(kernel: Any) -> None:
