@@ -54,7 +54,7 @@ class Term:
 
 
 def objective_term(objective: Objective, unit: float) -> Term:
-    """Return an objective, minimised, in a unit."""
+    """Return the term of a minimised objective, in a unit."""
     label, factor = f"objective {objective.name}", objective.sign / unit
     return Term(label=label, function=objective.function, form=objective.form, factor=factor)
 

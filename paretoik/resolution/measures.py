@@ -46,10 +46,9 @@ def speed_ratio(motion: Motion) -> np.ndarray:
 
 @objective(unit="", form="general")
 def evaluations(motion: Motion) -> np.ndarray:
-    """Mean work of an update of a prediction or a plan.
+    """Mean number of samples evaluated per prediction, or of cone programs per plan.
 
-    For a prediction it is the number of evaluated samples, for a plan the number of cone programs. Raises InvalidInput
-    for methods that predict nothing.
+    Raises InvalidInput for methods that do not look ahead.
     """
     count = getattr(_resolved("evaluations", motion).traces, "evaluations", None)
     if count is None:
@@ -90,5 +89,5 @@ def distance_to(reference: Motion) -> Objective:
 
 def _resolved(name: str, motion: Motion) -> ResolvedMotion:
     if not isinstance(motion, ResolvedMotion):
-        raise InvalidInput(f"{name}: motion must be that of a method, as resolve returns it, got another Motion")
+        raise InvalidInput(f"{name}: motion must be one that resolve returns, got another Motion")
     return motion

@@ -158,7 +158,7 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int) -> Hori
     read, variables = set(dependencies(tape, [total])), [as_entry(tape, one) for q in samples for one in q.entries]
     if read & {as_entry(tape, one) for one in jerk.entries} or trace.parameters:
         raise InvalidInput(
-            f"{label} must be a function of positions, velocities and accelerations of one sample, got another"
+            f"{label} must be a function of positions, velocities and accelerations of one sample only, got one that reads more"
         )
     if not read & set(variables):
         raise InvalidInput(f"{label}: is the same whatever {task.arm.name} does; has it no masses?")
@@ -379,7 +379,7 @@ def schedules(method: PredictiveKineticEnergy, times: np.ndarray, shape: tuple[i
     """Return each motion's schedule; raises InvalidInput for times that are not whole numbers of samples."""
     dt, duration = float(times[1] - times[0]), float(times[-1] - times[0])
     if np.ptp(np.diff(times)) > 1e-9 * dt:
-        raise InvalidInput("PredictiveKineticEnergy: path must have samples evenly spaced in time, got others")
+        raise InvalidInput("PredictiveKineticEnergy: path must have evenly spaced times, got uneven ones")
     horizon = np.broadcast_to(method.horizon, shape)
     step = 0.2 * duration / horizon if method.prediction_step is None else method.prediction_step
     interval = np.asarray(step) / 2 if method.update_interval is None else method.update_interval

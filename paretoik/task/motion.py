@@ -101,7 +101,7 @@ class Motion:
     A motion is a C² curve, a cubic spline that is projected onto its tasks (``at``, ``state``). Differences are
 
     - "spline": velocities and accelerations are those of the curve, as in ``state``. The spline passes within about
-      δ⁴q/36 of the inner samples. Objectives and limits are evaluated at ``instants``, the samples and the middles
+      δ⁴q/36 of the inner samples. Objectives and limits are evaluated at ``instants``, the samples and the midpoints
       between them, integrals by Simpson's rule; integrals with kinks use ``of_spline``.
     - "backward" as in Tringali & Cocuzza 2020 (v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the
       rectangle at the right end), or "central" (second order, integrals by the trapezoid rule). These are differences
@@ -265,7 +265,7 @@ class Motion:
     def instants(self) -> Motion:
         """The motion at the times at which objectives and limits are evaluated.
 
-        For splines these are the samples and the middles between them, (*batch, 2 · time − 1, dof), with values of the
+        For splines these are the samples and midpoints, (*batch, 2 · time − 1, dof), with values of the
         curve, or of the spline if the curve leaves its path. Otherwise it is the motion itself.
         """
         if self.differences != "spline" or self.derivatives is not None:
@@ -292,7 +292,7 @@ class Motion:
 
     @property
     def velocity_bounds(self) -> JointPaths:
-        """Velocities at the ``instants``; in the middles of a spline, its Bernstein coefficients."""
+        """Velocities at the ``instants``; at midpoints of a spline, its Bernstein coefficients."""
         return self.dq if self.derivatives is None else self.derivatives.velocity_bounds
 
     @property
@@ -365,13 +365,13 @@ class Motion:
 
     @cached_property
     def _spline_nodes(self) -> JointState:
-        """State of the spline at the samples and the middles between them."""
+        """State of the spline at samples and midpoints."""
         _, q, rates = evaluate_with_midpoints(self.spline)
         return JointState(q, rates.dq, rates.ddq)
 
     @cached_property
     def _nodes(self) -> JointState:
-        """State of the curve at samples and middles, or of the spline if the curve leaves the path."""
+        """State at samples and midpoints: on the path, or on the spline if it cannot be retracted."""
         spline = self._spline_nodes
         if not self.tasks:
             return spline

@@ -191,7 +191,7 @@ class MotionTask:
 
     @cached_property
     def instants(self) -> Times:
-        """Times [s] of objectives and limits: the samples, for splines also the middles between."""
+        """Times [s] of objectives and limits: samples, for splines also midpoints."""
         return with_midpoints(self.times) if self.differences == "spline" else self.times
 
     @property

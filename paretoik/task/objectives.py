@@ -155,7 +155,7 @@ def evaluate_function(name: str, function: Function, motion: Motion, form: Form)
 
 
 def evaluate_integral(name: str, term: Any, motion: Motion) -> np.ndarray:
-    """Return the integrals (*batch,) of a function; with kinks, on ``Motion.of_spline``."""
+    """Return the integrals (*batch,) of a function, on ``of_spline`` if it has kinks."""
     instants = motion.instants
     if motion.differences == "spline" and has_kinks(
         term, motion.arm, motion.tasks, motion.obstacles, motion.link_radius

@@ -144,7 +144,7 @@ class Path:
         instants = finite_array("path: time t", t)
         outside = np.flatnonzero(np.abs(instants / self.duration - 0.5) > 0.5 + 1e-9)
         if len(outside):
-            raise InvalidInput(f"path: time t: must lie in [0, {self.duration:g}] s, got {instants.flat[outside[0]]:g}")
+            raise InvalidInput(f"path: time t must be in [0, {self.duration:g}] s, got {instants.flat[outside[0]]:g}")
         return instants.clip(0.0, self.duration)
 
     def resample(self, samples: int) -> Path:
@@ -326,7 +326,7 @@ def circle(
     radius = positive_number("circle radius", radius, "m")
     number = finite_number("circle turns", turns)
     if not 0 < abs(number) <= OPTIONS.most_turns:
-        raise InvalidInput(f"circle turns: must not be 0, and {OPTIONS.most_turns:g} at most, got {number:g}")
+        raise InvalidInput(f"circle |turns| must be above 0, at most {OPTIONS.most_turns:g}, got {number:g}")
     phase, orientation, fact = finite_number("circle start_angle", start_angle), None, ""
     if isinstance(center, Pose):
         check_pose("circle center", center)

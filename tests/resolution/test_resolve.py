@@ -329,7 +329,7 @@ def test_what_cannot_be_used_is_refused_by_name(changed, said):
         (lambda: pk.methods.Nedungadi(tolerance=0.0), "Nedungadi: tolerance must be positive, got 0.0"),
         (
             lambda: Criterion(objective=pk.joint_drift),
-            "criteria: objective must be one of form integral or peak, got Obj",
+            "criteria: objective must have form integral or peak, got Obj",
         ),
         (lambda: Criterion(objective=middle, scale=0.0), "criterion middle: scale must be positive, got 0.0"),
     ],
