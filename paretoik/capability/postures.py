@@ -65,7 +65,7 @@ def maximise_from(
     ascended = np.zeros(len(directions))
 
     def climb(k: int, start: np.ndarray, *, near: bool) -> float:
-        """Ascend along direction k and keep the end point; return its value, or 0 if there is none."""
+        """Ascend along direction k and keep the end point; return its value, or 0 without an end point."""
         nonlocal q, values
         size = float(values[:, k].max())
         end = ascend(program, position, directions[k], size, start, near=near) if 0 < size < np.inf else None

@@ -1,4 +1,4 @@
-"""Data of the engine: table of obstacles, evaluators traced from objectives and the arm, and workspace."""
+"""Data of the compiled search: obstacles, evaluators of objectives and arm, and workspace."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def tracking_error(motion: Motion) -> np.ndarray:
 
 @objective(unit="", form="general", maximise=True)
 def limit_margin(motion: Motion) -> np.ndarray:
-    """Smallest distance from a position limit, as share of range, negative past it; 0 without; maximised."""
+    """Smallest distance from position limits, as share of range; negative past one, 0 if unlimited; maximised."""
     lower, upper = motion.arm.position_limits.T
     span = position_ranges(motion.arm, motion.arm.position_limits)
     limited = np.isfinite(span)
@@ -39,7 +39,7 @@ def limit_margin(motion: Motion) -> np.ndarray:
 
 @objective(unit="", form="general")
 def speed_ratio(motion: Motion) -> np.ndarray:
-    """Largest ratio of joint speed to its limit, or to 1 rad/s or 1 m/s without one."""
+    """Largest ratio of joint speed to its limit, or to 1 rad/s or 1 m/s if unlimited."""
     highest = np.where(np.isfinite(motion.arm.velocity_limits), motion.arm.velocity_limits, 1.0)
     return np.asarray((np.abs(motion.dq) / highest).max(axis=(-2, -1)))
 

@@ -1,4 +1,4 @@
-"""The protocol of methods: named numbers, their search ranges, and a way to follow a path."""
+"""Protocol of methods: parameters, their search ranges, and the following of a path."""
 
 from __future__ import annotations
 

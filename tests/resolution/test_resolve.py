@@ -307,7 +307,7 @@ def test_more_redundancy_and_several_tasks_are_resolved():
         ),
         (
             {"method": pk.methods.WeightedGradientProjection(criteria=CRITERIA, priorities=np.zeros(3))},
-            "WeightedGradientProjection: priorities must be one for each of 2 criteria, got (3,)",
+            "WeightedGradientProjection: priorities must be one per criterion (2), got (3,)",
         ),
     ],
 )
