@@ -158,7 +158,7 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int) -> Hori
     read, variables = set(dependencies(tape, [total])), [as_entry(tape, one) for q in samples for one in q.entries]
     if read & {as_entry(tape, one) for one in jerk.entries} or trace.parameters:
         raise InvalidInput(
-            f"{label} must be a function of one sample's positions, velocities and accelerations, got one that reads more"
+            f"{label} must read one sample's positions, velocities and accelerations only, got one that reads more"
         )
     if not read & set(variables):
         raise InvalidInput(f"{label}: is the same whatever {task.arm.name} does; has it no masses?")

@@ -85,7 +85,7 @@ def check_link_radius(radius: object) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """Joint motions of one arm, a batch of them or one.
+    """One joint motion of an arm, or a batch of them.
 
     arm: arm that moves
     time: sample times (*batch, time) [s]
@@ -96,7 +96,7 @@ class Motion:
     differences: kind of velocities and accelerations at the samples, see below
     cyclic: whether the motion ends as it starts: q_N = q₀, v₀ = v_N
     ends_at_rest: whether a spline ends with velocity 0
-    derivatives: velocities and accelerations that do not follow from the samples, else None
+    derivatives: given velocities and accelerations; None to derive them from the samples
 
     A motion is a C² curve, a cubic spline that is projected onto its tasks (``at``, ``state``). Differences are
 
@@ -227,7 +227,7 @@ class Motion:
 
     @cached_property
     def manipulability(self) -> Series:
-        """Yoshikawa's √det(J Jᵀ) (*batch, time) of the tasks, or of the tool without tasks."""
+        """Yoshikawa's √det(J Jᵀ) (*batch, time) of the tasks, or of the tool if there are no tasks."""
         if self.tasks:
             jacobian = self._errors[1]
         else:
@@ -266,7 +266,7 @@ class Motion:
         """The motion at the times at which objectives and limits are evaluated.
 
         For splines these are the samples and midpoints, (*batch, 2 · time − 1, dof), with values of the
-        curve, or of the spline if the curve leaves its path. Otherwise it is the motion itself.
+        curve, or of the spline if it cannot be retracted. Otherwise it is the motion itself.
         """
         if self.differences != "spline" or self.derivatives is not None:
             return self

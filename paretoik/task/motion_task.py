@@ -476,7 +476,7 @@ def evaluate_motions(
 ) -> tuple[Objectives, np.ndarray, np.ndarray]:
     """Return minimised objectives F, violations (points, limits), and causes of failure (points,).
 
-    Failed evaluations are NaN and have a cause. Raises Interrupted after a signal, if ``interruptible``.
+    Values of failed evaluations are NaN. Raises Interrupted after a signal, if ``interruptible``.
     """
     if interruptible:
         check_interruption()

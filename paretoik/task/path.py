@@ -152,7 +152,7 @@ class Path:
         return sample_curve(self.curve, even_times(self.duration, samples))
 
     def with_midpoints(self) -> Path:
-        """Return the same path with one sample added in each interval's middle."""
+        """Return the same path with one sample added at each interval's midpoint."""
         return sample_curve(self.curve, with_midpoints(self.times))
 
     def subsample(self, samples: int) -> Path:
@@ -265,7 +265,7 @@ def line(
     samples: number of samples, at least 3
     timing: time law, "raised-cosine", "quintic" or "uniform"
 
-    Between poses the orientation turns by the same law about one axis, by at most half a turn (the geodesic). Raises
+    Between poses the orientation follows the geodesic by the same law. Raises
     InvalidInput for ends of different kinds or at the same place, a bad duration, fewer than 3 samples, or an unknown
     time law.
 
@@ -367,7 +367,7 @@ def waypoints(
 
     The path is a C² cubic spline over the chord length between the points (over the angle if poses only turn), periodic
     if the last point equals the first, with SciPy's ``RotationSpline`` for orientations. Raises InvalidInput for fewer
-    than 2 points, a point at the place of the one before (with its index), and as ``line`` does.
+    than 2 points, two equal points in a row (with the index), and as ``line`` does.
 
     >>> path = waypoints([[0, 0], [1, 1], [2, 0]], duration=1.0)
     >>> path.at(0.5)[0].round(12)

@@ -171,7 +171,7 @@ MOTION_OPTIONS = StartOptions()
 
 
 def rollout_starts(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
-    """Return up to ``count`` motions on the path: weighted-pseudoinverse roll-outs, retracted.
+    """Return up to ``count`` weighted-pseudoinverse roll-outs, retracted onto the path.
 
     Each starts at its own posture, or at the given start, and has its own random symmetric weights with eigenvalues in
     (0, 1). If samples are too far apart, the path is sampled finer. Source: Tringali & Cocuzza 2020, section 3.1.2.

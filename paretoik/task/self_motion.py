@@ -262,7 +262,7 @@ class Charts:
 
 
 def build_charts(task: MotionTask, base: Float[np.ndarray, "bases time dof"]) -> Charts:
-    """Return coordinates around base motions on the path."""
+    """Return charts around base motions on the path."""
     jacobian = relative_errors(task.arm, task.tasks, base, task.targets)[1]
     null_space = np.linalg.svd(jacobian)[2][..., task.rows :, :].swapaxes(-1, -2)
     for i in range(1, base.shape[1]):  # parallel transport: each basis is as near as possible to the basis before

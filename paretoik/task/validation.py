@@ -48,7 +48,7 @@ def motion_task(
     differences: Differences = DIFFERENCES,
     redundant: bool = True,
 ) -> MotionTask:
-    """Return the motion task of all parts of a problem, checked, with a free start and end.
+    """Check all parts of a problem; return its motion task, with free start and end.
 
     redundant: True to refuse tasks that leave no joint free
 
