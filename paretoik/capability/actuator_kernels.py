@@ -68,8 +68,8 @@ class SliderOptions(NamedTuple):
     """Settings of the search over the front slider's position."""
 
     overload: float = 1e-9  # share of the stall effort by which rounding may exceed it
-    pieces: int = 12  # number of pieces of each feasible stretch, compared before the best are refined
-    bisections: int = 50  # for the end of a stretch that can bear a torque: 1e-15 of it
+    pieces: int = 12  # number of pieces of each feasible interval, compared before the best are refined
+    bisections: int = 50  # for the end of an interval where sliders bear a torque: 1e-15 of it
     sections: int = 44  # golden sections, to 1e-9 of a piece: there a smooth maximum is flat to 1e-18
 
 
@@ -125,8 +125,8 @@ def _torque_reserve(front, arguments):
 
 
 @compiled
-def _stretch_ends(row, sine, cosine, ends):
-    """Write, in order, the places at which feasibility may change or A is zero; return their number."""
+def _interval_ends(row, sine, cosine, ends):
+    """Write the sorted places at which feasibility may change or A is zero; return their number."""
     low, high, rod = row[FRONT], row[FRONT + 1], row[ROD]
     ends[0], ends[1], count = low, high, 2
     for k in range(2):
@@ -160,9 +160,9 @@ def rod_angle(row, q):
 
 @compiled
 def joint_maximum(row, q, torque, quantity, ends):
-    """Return a joint's highest speed, or the torque that it can hold, and its front slider; NaN without any.
+    """Return (highest speed or holdable torque, front slider's position) of a joint; NaN if infeasible.
 
-    A rod that bends the other way turns at −θ̇ under −τ: its highest speed is the same function of its torque.
+    The other bend of the rod flips the signs of both θ̇ and τ, so the highest speed stays the same.
     """
     if row[ROD] == 0.0:
         if quantity == HOLD:
@@ -174,7 +174,7 @@ def joint_maximum(row, q, torque, quantity, ends):
     sine, cosine = np.sin(angle), np.cos(angle)
     slider = row[SHAPE], row[STALL], row[FASTEST], row[BACK_STALL], row[BACK_FASTEST], row[ROD]
     best, best_front = np.nan, 0.0
-    for i in range(_stretch_ends(row, sine, cosine, ends) - 1):
+    for i in range(_interval_ends(row, sine, cosine, ends) - 1):
         low, high = ends[i], ends[i + 1]
         middle = gears(sine, cosine, 0.5 * (low + high), row[ROD])[0]
         if high <= low or not row[BACK] <= middle <= row[BACK + 1]:
@@ -186,11 +186,11 @@ def joint_maximum(row, q, torque, quantity, ends):
                 if at_end > value:
                     value, front = at_end, end
         else:
-            low, high = _bearable_stretch(slider, sine, cosine, torque, low, high)
+            low, high = _bearable_interval(slider, sine, cosine, torque, low, high)
             if low != low:
                 continue
-            # (value, front slider) of the maximum in a stretch that can bear the torque. Places are evenly spaced; the
-            # maximum is refined about each place that is not below its neighbours
+            # (value, front slider) of the maximum in an interval where sliders bear the torque. Places are evenly
+            # spaced; the maximum is refined about each place that is not below its neighbours
             step = (high - low) / OPTIONS.pieces
             top, top_front = slider_value(slider, sine, cosine, torque, low, quantity), low
             before, value = -np.inf, top
@@ -213,10 +213,10 @@ def joint_maximum(row, q, torque, quantity, ends):
 
 
 @compiled
-def _bearable_stretch(slider, sine, cosine, torque, low, high):
-    """Return the ends of the part of a stretch that can bear a torque, NaN if none can.
+def _bearable_interval(slider, sine, cosine, torque, low, high):
+    """Return the ends of the part of an interval where sliders bear a torque; NaN without one.
 
-    The torque that sliders can hold rises to one maximum along a stretch and falls: |A| and |B| fall and rise.
+    |A| and |B| first fall, then rise along it, so the torque that they can hold has one maximum.
     """
     arguments = (slider, sine, cosine, torque, HOLD)
     low_bears, high_bears = _torque_reserve(low, arguments) >= 0.0, _torque_reserve(high, arguments) >= 0.0

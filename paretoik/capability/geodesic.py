@@ -2,7 +2,7 @@
 
 A fastest path is the geodesic of a speed model, on a fine grid. If the tool may have the velocities v with ‖R(p) v‖ ≤
 1, a path takes the time ∫ ‖R(p) dp‖: its length, measured by R. Source: Kim, Choi & Jang 2021, Eq. 6, with one common
-interval and the limit in the middle of each piece.
+interval and the limit at the midpoint of each piece.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def evaluate_roots(model: SpeedModel, positions: Float[np.ndarray, "*batch task"
     if not (np.isfinite(roots).all() and np.isfinite(slopes).all()):
         wrong = ~(np.isfinite(roots).all(axis=(-1, -2)) & np.isfinite(slopes).all(axis=(-1, -2, -3)))
         place = " ".join(f"{number:.6g}" for number in positions[wrong][0])
-        raise InvalidInput(f"model must give finite R and ∂R/∂p, got others at [{place}] m")
+        raise InvalidInput(f"model must give finite R and ∂R/∂p, got inf or nan at [{place}] m")
     return roots, slopes
 
 
@@ -176,10 +176,10 @@ def fastest_path(
 ) -> FastestPath:
     """Return the fastest path from ``start`` to ``target`` (task,) [m] within the model's box.
 
-    Its pieces take nearly equal times. The limit of a piece is that of its middle, and Σ ‖R Δp‖² is minimised by
+    Its pieces take nearly equal times. The limit of a piece is that of its midpoint, and Σ ‖R Δp‖² is minimised by
     Newton's method from a straight start and others bowed sideways; the best optimum is returned. Times are those of a
     fine quadrature, since a coarse sum can be below the true time. The search leaves saddles. If the model is smooth,
-    the path is certainly a local optimum; it is the global one only as far as the starts reach.
+    the path is a local optimum, but not certainly the global one.
 
     model: model of the tool's speed
     start: first position (task,) of the tool [m]

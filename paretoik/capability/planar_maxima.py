@@ -2,7 +2,7 @@
 
 Each curve of postures (``posture_curves``) is sampled all around, evenly in a parameter along which it is smooth; for
 every direction the best few places are then refined by golden sections. ``problem`` is (arm, table of actuators,
-position, quantity); ``work`` is (columns, loads, ranges of the joints, ends of stretches), arrays to write to.
+position, quantity); ``work`` is (columns, loads, ranges of the joints, ends of intervals), arrays to write to.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ class PlanarSearchOptions(NamedTuple):
 
     around: int = 360  # number of places on each curve, without those at which limits begin or end to be satisfied
     refined: int = 4  # number of places refined per direction and curve
-    pieces: int = 4  # number of pieces of a feasible stretch between two places
+    pieces: int = 4  # number of pieces of a feasible interval between two places
     overshoot: float = 1e-12  # rad by which rounding may exceed a joint limit
     bisections: int = 40  # number of bisections for places at which limits begin or end to be satisfied
     sections: int = 40  # golden sections
@@ -248,8 +248,8 @@ def _feasible_end(curve, inside, outside, problem, q, work):
 def _write_places(curve, grid_values, problem, q, work, places, grid_index):
     """Write, in order, the places of a curve to compare, and their grid numbers; return how many.
 
-    These are the feasible places of the grid and, as ``NEW``, the ends of every feasible stretch. Places ``OUTSIDE``
-    separate the stretches. Between two places of the grid, stretches are searched for at the local maxima of the slack.
+    These are the feasible places of the grid and, as ``NEW``, the ends of every feasible interval. Places ``OUTSIDE``
+    separate the intervals. Between two places of the grid, intervals are searched for at the local maxima of the slack.
     """
     step, count = 2.0 * np.pi / OPTIONS.around, 0
     slacks = np.empty(OPTIONS.around)

@@ -65,7 +65,7 @@ def maximise_from(
     ascended = np.zeros(len(directions))
 
     def climb(k: int, start: np.ndarray, *, near: bool) -> float:
-        """Ascend along direction k and keep the end point; return its value, or 0 without one."""
+        """Ascend along direction k and keep the end point; return its value, or 0 without an end point."""
         nonlocal q, values
         size = float(values[:, k].max())
         end = ascend(program, position, directions[k], size, start, near=near) if 0 < size < np.inf else None
@@ -233,7 +233,7 @@ def stationary_task(arm: Arm, position: Float[np.ndarray, " task"]) -> MotionTas
 
 
 def limit_excess(arm: Arm, q: Joints) -> Joints:
-    """Return the excess [rad, m] of joints over limits (*batch, dof), negative within."""
+    """Return the excess [rad, m] of joints over limits (*batch, dof), negative if within them."""
     lower, upper = arm.position_limits.T
     return np.asarray(np.maximum(q - upper, lower - q))
 

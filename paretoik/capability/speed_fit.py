@@ -51,7 +51,7 @@ class FitErrors:
 def fit_errors(model: SpeedModel, positions: Positions, directions: Directions, speeds: Speeds) -> FitErrors:
     """Return the errors of a model at directional maxima [m/s].
 
-    Positions that were not fitted test it best. Raises InvalidInput if the shapes of the arrays differ, or speeds are
+    Use positions that were not fitted. Raises InvalidInput if the shapes of the arrays differ, or speeds are
     not positive.
     """
     check_model(model)
@@ -99,8 +99,8 @@ def check_determined(directions: Directions) -> None:
     rank = numerical_rank(directions[:, rows] * directions[:, columns])
     if rank < len(rows):
         raise InvalidInput(
-            f"directions must be at least {len(rows)} that determine an ellipsoid, opposite ones counted once, got "
-            f"{len(directions)} that determine {rank} of its {len(rows)} numbers"
+            f"directions must determine the {len(rows)} numbers of an ellipsoid, opposite ones counted once, got "
+            f"{len(directions)} that determine {rank}"
         )
 
 

@@ -1,4 +1,4 @@
-"""Time-optimal control: every period plans the fastest path and follows its start.
+"""Time-optimal control: plan the fastest path in every period, and follow its start.
 
 Source: Kim, Choi & Jang 2021, Eqs. 6 and 7. ``Planner`` makes the plans.
 """
@@ -66,15 +66,15 @@ class Plan:
 
     @property
     def time_to_go(self) -> float:
-        """Time [s] that the plan claims: the sum of the intervals."""
+        """Planned time [s] to the target: the sum of the intervals."""
         return float(self.intervals.sum())
 
 
 class Planner:
-    """Plans of the least claimed time for one model, in ``horizon`` pieces.
+    """Plans of the least time for one model, in ``horizon`` pieces.
 
     The unknowns are the points between the pieces and the intervals. The velocity limit ‖R v‖ ≤ 1 is linearised around
-    the last path, again and again, within a trust region: these are second-order cone programs.
+    the last path within a trust region in each iteration, which solves a second-order cone program.
 
     Source: Kim, Choi & Jang 2021, Eq. 6; the formulation "printed" is that equation to the letter. There every piece
     has an interval of its own and its limit at its beginning: one long piece from a place at which the tool is quick
@@ -93,7 +93,7 @@ class Planner:
         return fastest_path(self.model, start, target, intervals=self.horizon).points
 
     def shift(self, plan: Plan, position: Float[np.ndarray, " task"], period: float) -> np.ndarray:
-        """Return initial points (pieces + 1, task) of the next plan: the rest of the last after a period."""
+        """Return initial points (pieces + 1, task) of the next plan: the rest of the last plan after a period."""
         count = self.horizon
         done = period / max(float(plan.intervals[0]), period)  # share of the first piece
         remaining = done + (1 - done / count) * np.arange(count)
@@ -114,7 +114,7 @@ class Planner:
             if iterations == OPTIONS.iterations:
                 where = " ".join(f"{number:.6g}" for number in points[0])
                 raise SolverFailed(
-                    f"plan from [{where}] m: must settle within {OPTIONS.iterations} iterations, it still moves"
+                    f"plan from [{where}] m: must converge within {OPTIONS.iterations} iterations, got no convergence"
                 )
             iterations += 1
             inner, now = points[1:-1], float(intervals.sum())
@@ -162,7 +162,7 @@ class TimeOptimalRun:
     positions: positions (n, task) of the tool [m]
     velocities: commanded velocities (n − 1, task) [m/s], each for one period
     cuts: number of commands cut below the controller's request
-    to_go: claimed time (plans,) of each plan [s]; plans end when the target is less than one period away
+    to_go: planned time (plans,) to the target [s]; none is planned less than one period away from it
     seconds: computing time (plans,) of each plan [s]
     iterations: number of cone programs (plans,) of each plan
     arrival: time at which the reference reaches the target [s]
@@ -196,7 +196,7 @@ def time_optimal_control(
     overwrite: bool = False,
     observe: Callable[[Any], object] | bool | None = None,
 ) -> TimeOptimalRun:
-    """Lead the tool to ``target`` in the least time, with a new plan every period.
+    """Move the tool to ``target`` in the least time, with a new plan every period.
 
     In each period, a plan from the reference p* to the target gives a velocity v*, and p* ← p* + period · v*; p* goes
     to the target if it can be reached within the period. A controller commands v* + gain (p* − p), cut to what the
@@ -311,6 +311,6 @@ def _track(
         velocities.append(velocity)
         if now >= len(ahead) and np.all(positions[-1] == tool):
             away = np.linalg.norm(references[-1] - tool)
-            raise SolverFailed(f"tool must come within {tolerance:g} m of the target, it stands still at {away:.3g} m")
+            raise SolverFailed(f"tool must come within {tolerance:g} m of the target, but stopped {away:.3g} m away")
         tool = positions[-1]
     return np.stack(positions), np.reshape(velocities, (-1, len(tool))), cuts

@@ -1,8 +1,8 @@
 """Users' functions of motions for small dense programs.
 
 Functions are traced; kinks have epigraph variables. The few unknowns of a program determine the samples of a motion. A
-term, a function with its sense, is traced once by positions and rates; if it depends on one sample at a time, at one
-sample. The program says how positions and rates depend on the unknowns.
+term is a function with its sense. It is traced once, by positions and rates: at one sample if it depends on one at a
+time. The program says how positions and rates depend on the unknowns.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Term:
 
 
 def objective_term(objective: Objective, unit: float) -> Term:
-    """Return an objective, minimised, in a unit."""
+    """Return the term of a minimised objective, in a unit."""
     label, factor = f"objective {objective.name}", objective.sign / unit
     return Term(label=label, function=objective.function, form=objective.form, factor=factor)
 

@@ -1,4 +1,4 @@
-"""Compiled tests whether steps are admissible.
+"""Compiled tests of whether steps are admissible.
 
 A step is admissible if it is within its bounds and clear of obstacles, at its end or all the way. The travel of a step
 is Σ reach · |Δq|: an upper bound of the move of every point of the arm. Obstacles farther away than the travel need no

@@ -30,7 +30,7 @@ class EngineOptions(NamedTuple):
     max_redraws: int = 100  # largest number of redraws of inadmissible chromosomes (no bound in section 5.2)
     bound_tolerance: float = 1e-10  # rad or m: rounding error of a shortened step at its bounds
     shortest_interval: float = 2.0**-8  # share of a step: intervals not proven clear are halved down to this
-    interval_batch: int = 64  # number of intervals whose middles are evaluated together
+    interval_batch: int = 64  # number of intervals whose midpoints are evaluated together
     interval_depth: int = 16  # number of batches that fit on the stack of intervals
     singular_ratio: float = 1e-9  # ratio of a Jacobian's singular values below which no finite step makes every Δx
 
@@ -143,7 +143,7 @@ class StepState:
         return (self.excess_over_bounds(q) <= 0) & (self.clearance_left(q) > 0)
 
     def excess_over_bounds(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, " points"]:
-        """Return the largest excess [rad, m] over the bounds of joints' moves, not positive within."""
+        """Return the largest excess [rad, m] over the bounds of joints' moves; not positive if within them."""
         moved = q - self.previous
         return np.maximum(moved - self.upper, self.lower - moved).max(axis=1) - OPTIONS.bound_tolerance
 
@@ -186,7 +186,7 @@ def rotation_rows(task: MotionTask) -> Bool[np.ndarray, " rows"]:
 def reach_by_joint(task: MotionTask) -> Float[np.ndarray, " dof"]:
     """Return the largest move [m] of the arm's points per move of each joint by 1 rad or 1 m.
 
-    No point beyond a joint is farther from it than the stretched length of all that follows. A sliding joint moves its
+    No point beyond a joint is farther from it than the total length of the links after it. A prismatic joint moves its
     load by its own move; its largest extension adds to the length beyond the joints before it.
     """
     arm = task.arm

@@ -95,7 +95,7 @@ def choose(F: Objectives, weights: Float[np.ndarray, " n_obj"]) -> int:
 
 
 def explain_no_step(step: StepState) -> str:
-    """Return the reason why no admissible step was found, as text."""
+    """Return why no admissible step was found, as text."""
     task = step.task
     reason = f"step {step.sample} ({task.times[step.sample]:.3g} s): there must be a free configuration, none found"
     share, limited = reachable_share(step)

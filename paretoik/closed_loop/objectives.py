@@ -122,7 +122,7 @@ def as_step_objective(objective: StepObjective | Objective) -> StepObjective:
         )
     if objective.form not in ("integral", "peak"):
         raise InvalidInput(
-            f"objective {objective.name} must be of form integral or peak, or a @step_objective, got one that looks at "
+            f"objective {objective.name} must be of form integral or peak, or a @step_objective, got one of "
             f"a whole motion ({objective.form})"
         )
     function = objective.function

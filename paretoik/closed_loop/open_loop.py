@@ -71,7 +71,7 @@ def search_start(task: MotionTask, *, seed: int = 0, options: OpenLoopOptions = 
 
 
 def posture_bounds(task: MotionTask, options: OpenLoopOptions = OPTIONS) -> Float[np.ndarray, "dof 2"]:
-    """Return the range of each joint: its limits, or without any two turns, as in the paper."""
+    """Return the range of each joint: its limits, or two turns if it has none, as in the paper."""
     arm = task.arm
     widest = np.where(arm.periodic, options.largest_angle, options.largest_extension)[:, None] * [-1.0, 1.0]
     return np.where(np.isfinite(arm.position_limits), arm.position_limits, widest)

@@ -1,4 +1,4 @@
-"""Data of the engine: table of obstacles, evaluators traced from objectives and the arm, and workspace."""
+"""Data of the compiled search: obstacles, evaluators of objectives and arm, and workspace."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
 
         value = trace_sample_function(motion, f"objective {objective.name}", evaluate)
         if value is None:
-            raise InvalidInput(f"objective {objective.name} must look at a step's end only, got more than that")
+            raise InvalidInput(f"objective {objective.name} must depend only on a step's end, got one that reads more")
         outputs.append(as_entry(trace.tape, objective.sign * Expression(trace.tape, as_entry(trace.tape, value))))
     evaluator = compile_evaluator(trace.tape, outputs * 2 if len(outputs) == 1 else outputs)
     rates = [int(row) // dof for row in evaluator.inputs if row < ORDERS * dof]

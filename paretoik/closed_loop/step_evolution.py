@@ -65,7 +65,7 @@ class StepEvolution:
         self._nodes = programs.nodes.arrays
 
     def __call__(self, step: StepState) -> Population:
-        """Search a step, the same for the same seed and step; raises Infeasible if the arm is singular."""
+        """Search a step, reproducibly by seed and step; raises Infeasible if the arm is singular."""
         return self._search(step, recorded=0)[0]
 
     def with_generations(self, step: StepState) -> tuple[Population, Generations]:

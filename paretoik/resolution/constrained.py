@@ -76,7 +76,7 @@ class StepGoal:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepLimits:
-    """Bounds of joint rates, and gradients and least rates of distances."""
+    """Bounds of joint rates, and gradients and lower bounds of distances' rates."""
 
     bounds: Float[np.ndarray, "dof 2"]
     gradients: Float[np.ndarray, "distances dof"]
@@ -277,7 +277,7 @@ ACTIVE = np.array(["", *(f"{side} {kind}" for kind in KINDS for side in ("lower"
 @represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ConstrainedTraces(Traces):
-    """The traces of a motion within limits.
+    """Traces of a motion within limits.
 
     repulsion: change of velocities by limits
     active: active limit of each joint, such as "upper position", or ""; the last column is "clearance" if a link must
@@ -347,7 +347,7 @@ def follow_constrained(
 
 
 class _Stepper:
-    """Computes the steps of motions of one task."""
+    """Computation of steps of one task's motions."""
 
     def __init__(
         self, task: MotionTask, program: StepProgram, *, exact: bool, inverse_weights: Float[np.ndarray, " dof"]

@@ -1,4 +1,4 @@
-"""Compiled Newton's method in the null space of a horizon program, that of a few samples ahead."""
+"""Compiled Newton's method in the null space of the program of a few samples ahead."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
 
 @compiled
 def _line_search(derivatives, inputs, outputs, step, value, decrease, factors, work, shape):
-    """Take the longest of shrinking steps with sufficient decrease; return False, without a move, if none has."""
+    """Take the longest of shrinking steps with sufficient decrease; return False and do not move if none has."""
     size = step.shape[0]
     start, largest = np.empty(size), 0.0
     for j in range(size):

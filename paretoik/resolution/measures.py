@@ -27,7 +27,7 @@ def tracking_error(motion: Motion) -> np.ndarray:
 
 @objective(unit="", form="general", maximise=True)
 def limit_margin(motion: Motion) -> np.ndarray:
-    """Smallest distance from a position limit, as share of range, negative past it; 0 without; maximised."""
+    """Smallest distance from position limits, as share of range; negative past one, 0 if unlimited; maximised."""
     lower, upper = motion.arm.position_limits.T
     span = position_ranges(motion.arm, motion.arm.position_limits)
     limited = np.isfinite(span)
@@ -39,17 +39,16 @@ def limit_margin(motion: Motion) -> np.ndarray:
 
 @objective(unit="", form="general")
 def speed_ratio(motion: Motion) -> np.ndarray:
-    """Largest ratio of joint speed to its limit, or to 1 rad/s or 1 m/s without one."""
+    """Largest ratio of joint speed to its limit, or to 1 rad/s or 1 m/s if unlimited."""
     highest = np.where(np.isfinite(motion.arm.velocity_limits), motion.arm.velocity_limits, 1.0)
     return np.asarray((np.abs(motion.dq) / highest).max(axis=(-2, -1)))
 
 
 @objective(unit="", form="general")
 def evaluations(motion: Motion) -> np.ndarray:
-    """Mean work of an update of a prediction or a plan.
+    """Mean number of samples evaluated per prediction, or of cone programs per plan.
 
-    For a prediction it is the number of evaluated samples, for a plan the number of cone programs. Raises InvalidInput
-    for methods that predict nothing.
+    Raises InvalidInput for methods that do not look ahead.
     """
     count = getattr(_resolved("evaluations", motion).traces, "evaluations", None)
     if count is None:
@@ -90,5 +89,5 @@ def distance_to(reference: Motion) -> Objective:
 
 def _resolved(name: str, motion: Motion) -> ResolvedMotion:
     if not isinstance(motion, ResolvedMotion):
-        raise InvalidInput(f"{name}: motion must be that of a method, as resolve returns it, got another Motion")
+        raise InvalidInput(f"{name}: motion must be one that resolve returns, got another Motion")
     return motion

@@ -1,7 +1,7 @@
 """The methods that resolve velocities, and their secondary criteria.
 
 All have steps q̇ = D Jᵀ(J D Jᵀ + ρ²I)⁻¹ v + N z, with the task velocities v, a diagonal D and a projector N. They
-differ in D, ρ and z; ``ConstrainedQP`` takes the nearest step within limits. A method's numbers and the gains of
+differ in D, ρ and z; ``ConstrainedQP`` takes the nearest step within limits. A method's parameters and the gains of
 criteria may be arrays (*batch,): one motion each.
 """
 
@@ -77,20 +77,20 @@ class VelocityMethod(Method):
     _weighting: ClassVar[int] = UNWEIGHTED
 
     def __post_init__(self) -> None:
-        """Check that numbers are within their ranges; ``resolve`` checks the feedback by the steps."""
+        """Check the parameters' ranges; ``resolve`` compares the feedback with the steps."""
         super().__post_init__()
         if self.feedback is not None:
             finite_array(f"{type(self).__name__}: feedback", self.feedback)
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers searched by default; the range of the feedback follows from the steps."""
+        """Return the parameters tuned by default; the steps determine the range of the feedback."""
         highest = 1.0 / float(np.diff(times).max())
         return (Parameter("feedback", 0.02 * highest, highest), *super().parameters(times))
 
     def follow(
         self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
     ) -> ResolvedMotion:
-        """Return the motions from ``start``, broadcast against the numbers; ``tolerance`` has no effect."""
+        """Return the motions from ``start``, broadcast with the parameters; ``tolerance`` has no effect."""
         from paretoik.resolution import step_kernels as kernels  # here: numba is slow to load
 
         criteria = self.criterion_list
@@ -134,7 +134,7 @@ class VelocityMethod(Method):
         priorities = getattr(self, "priorities", None)
         ranks = np.arange(len(criteria)) if priorities is None else np.argsort(np.argsort(priorities, axis=-1), axis=-1)
         if ranks.shape[-1:] != (len(criteria),):
-            wish = f"priorities must be one for each of {len(criteria)} criteria"
+            wish = f"priorities must be one per criterion ({len(criteria)})"
             raise InvalidInput(f"{name}: {wish}, got {ranks.shape}")
         shape = broadcast_shape(self, start, [ranks.shape[:-1], *(each.shape for each in numbers)])
         columns = np.stack([np.broadcast_to(each, shape).ravel() for each in numbers], axis=1)
@@ -182,7 +182,7 @@ class DampedLeastSquares(VelocityMethod):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WeightedLeastNorm(DampedLeastSquares):
-    """Joints are slow near their position limits, and free when leaving.
+    """Joints move slowly towards near position limits, and freely away from them.
 
     A joint at or past its limit stays there, as there is no repulsion. Source: Chan & Dubey 1995; Wan et al. 2018,
     Eqs. 10, 11 and 14.
@@ -219,11 +219,11 @@ class GradientProjection(DampedLeastSquares):
         return tuple(one if isinstance(one, Criterion) else Criterion(objective=one) for one in listed)
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers searched by default, and each criterion's gain."""
+        """Return the parameters tuned by default, and each criterion's gain."""
         return (*super().parameters(times), *(one.parameter for one in self.criterion_list))
 
     def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Self:
-        """Return the method with values (motions,) in place of some numbers or gains of criteria."""
+        """Return the method with values (motions,) of named parameters or gains of criteria."""
         gains = {one.parameter.name: one for one in self.criterion_list}
         criteria = [replace(one, gain=values.get(name, one.gain)) for name, one in gains.items()]
         return replace(
@@ -266,12 +266,12 @@ class WeightedGradientProjection(GradientProjection):
         return [f"priority of {one.objective.name}" for one in self.criterion_list]
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers searched by default, and priorities of several criteria."""
+        """Return the parameters tuned by default, and priorities of several criteria."""
         names = self._priority_names if len(self.criterion_list) > 1 else []
         return (*super().parameters(times), *(Parameter(name, 0.0, 1.0) for name in names))
 
     def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Self:
-        """Return the method with values (motions,) in place of some numbers, gains or priorities."""
+        """Return the method with values (motions,) of named parameters, gains or priorities."""
         names = self._priority_names
         method = super().with_values({k: v for k, v in values.items() if k not in names}, times)
         if not any(name in values for name in names):
@@ -312,9 +312,9 @@ class ConstrainedQP(GradientProjection):
     def follow(
         self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
     ) -> ResolvedMotion:
-        """Return the motions from ``start``, broadcast against the numbers; ``tolerance`` has no effect.
+        """Return the motions from ``start``, broadcast with the parameters; ``tolerance`` has no effect.
 
-        Raises InvalidInput for joint weights that do not fit the arm.
+        Raises InvalidInput unless there is one joint weight per joint.
         """
         from paretoik.resolution.constrained import ACTIVE, ConstrainedTraces, follow_constrained  # here: slow to load
 
@@ -331,7 +331,7 @@ class ConstrainedQP(GradientProjection):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Nedungadi(Method):
-    """The motion from a start with stationary integral of kinetic energy.
+    """Motion from a start, whose integral of kinetic energy is stationary.
 
     tolerance: tolerance of every integration step, a number or an array (*batch,)
 

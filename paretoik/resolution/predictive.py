@@ -67,7 +67,7 @@ class HorizonSolution:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HorizonProgram:
-    """The program of a few samples ahead.
+    """Nonlinear program of a few samples ahead.
 
     horizon: number of samples
     interval: time between samples [s]
@@ -158,7 +158,7 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int) -> Hori
     read, variables = set(dependencies(tape, [total])), [as_entry(tape, one) for q in samples for one in q.entries]
     if read & {as_entry(tape, one) for one in jerk.entries} or trace.parameters:
         raise InvalidInput(
-            f"{label} must be a function of positions, velocities and accelerations of one sample, got another"
+            f"{label} must read one sample's positions, velocities and accelerations only, got one that reads more"
         )
     if not read & set(variables):
         raise InvalidInput(f"{label}: is the same whatever {task.arm.name} does; has it no masses?")
@@ -243,7 +243,7 @@ class PredictiveKineticEnergy(Method):
     terminal: additional weight of the last sample, for the costs after the horizon
     feedback: gain of the tracking error [1/s]; 0 is open loop, as in the paper
 
-    All numbers may be arrays (*batch,).
+    All these parameters may be arrays (*batch,).
 
     Raises InvalidInput for numbers out of range. Source: Tringali & Cocuzza 2021, PMKE.
     """
@@ -271,7 +271,7 @@ class PredictiveKineticEnergy(Method):
             raise InvalidInput(f"PredictiveKineticEnergy: objective must be an Objective, got {shown(self.objective)}")
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers searched by default; raises InvalidInput for fewer than three samples.
+        """Return the parameters tuned by default; raises InvalidInput for fewer than three samples.
 
         ``prediction_time`` [s] is the horizon times the prediction step, ``update_share`` the update interval over it.
         """
@@ -285,7 +285,7 @@ class PredictiveKineticEnergy(Method):
         )
 
     def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Self:
-        """Return the method with values (motions,) for some numbers, times in whole samples."""
+        """Return the method with values (motions,) of named parameters, times in whole samples."""
         dt, derived = float(times[1] - times[0]), ("prediction_time", "update_share")
         fields = {name: value for name, value in values.items() if name not in derived}
         horizon = np.asarray(values.get("horizon", self.horizon))
@@ -317,7 +317,7 @@ class PredictiveKineticEnergy(Method):
 @represented
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictiveTraces(Traces):
-    """The traces of predictions, padded with −1 and NaN if others have more updates.
+    """The traces of predictions, padded with −1 and NaN if other motions have more updates.
 
     updates: samples of the updates
     predictions: positions ahead (updates, horizon, dof) [rad, m]
@@ -356,7 +356,7 @@ MakeSpline = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """The schedule of a motion's predictions, in samples.
+    """Schedule of a motion's predictions, in samples.
 
     horizon: number of samples ahead
     stride: distance between the samples ahead
@@ -379,7 +379,7 @@ def schedules(method: PredictiveKineticEnergy, times: np.ndarray, shape: tuple[i
     """Return each motion's schedule; raises InvalidInput for times that are not whole numbers of samples."""
     dt, duration = float(times[1] - times[0]), float(times[-1] - times[0])
     if np.ptp(np.diff(times)) > 1e-9 * dt:
-        raise InvalidInput("PredictiveKineticEnergy: path must have samples evenly spaced in time, got others")
+        raise InvalidInput("PredictiveKineticEnergy: path must have evenly spaced times, got uneven ones")
     horizon = np.broadcast_to(method.horizon, shape)
     step = 0.2 * duration / horizon if method.prediction_step is None else method.prediction_step
     interval = np.asarray(step) / 2 if method.update_interval is None else method.update_interval
@@ -408,7 +408,7 @@ def follow_predictively(
     make_solver: MakeSolver = horizon_program,
     make_spline: MakeSpline = quartic_spline,
 ) -> ResolvedMotion:
-    """Return a predictive motion for each start and each set of numbers.
+    """Return a predictive motion for each start and each set of parameters.
 
     If the arm is farther than ``tolerance`` [m, rad] off the path, nothing is predicted: the arm first returns to it.
     Studies pass other solvers and other splines for comparison.
@@ -472,7 +472,7 @@ class Predictor:
         self._origin, self._spline = 0, np.zeros((0, DEGREE + 1, task.arm.dof))
 
     def next_position(self, k: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, *, is_off_path: bool) -> np.ndarray:
-        """Return the desired positions at the sample after k, from a new prediction if one is due.
+        """Return the desired positions at the sample after k, from a new prediction if the update interval is over.
 
         They are those at k if the arm is off the path, or if the prediction does not reach the sample.
         """

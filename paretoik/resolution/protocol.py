@@ -1,4 +1,4 @@
-"""The protocol of methods: named numbers, their search ranges, and a way to follow a path."""
+"""Protocol of methods: parameters, their search ranges, and the following of a path."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_dist
         result = as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0)
         read = {order for order, part in enumerate(inputs) if set(part) & set(dependencies(tape, [result]))}
         if read & {2, 3} or not read:
-            raise InvalidInput(f"{label} must be a function of positions, velocities or both, got one of other things")
+            raise InvalidInput(f"{label} must be a function of positions and velocities only, got one that reads more")
         outputs += [result, *gradient(tape, result, inputs[0 if 0 in read else 1])]
     values = [value for each in motion.distances for value in each.entries.ravel()] if with_distances else []
     distances = [as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0) for value in values]
@@ -267,7 +267,7 @@ class Criterion:
 
     def __post_init__(self) -> None:
         if not isinstance(self.objective, Objective) or self.objective.form not in ("integral", "peak"):
-            raise InvalidInput(f"criteria: objective must be one of form integral or peak, got {shown(self.objective)}")
+            raise InvalidInput(f"criteria: objective must have form integral or peak, got {shown(self.objective)}")
         label = f"criterion {self.objective.name}"
         finite_array(f"{label}, reference", self.reference, ())
         if not finite_array(f"{label}, scale", self.scale, ()) > 0:
@@ -289,7 +289,7 @@ class Criterion:
 class Method:
     """A way to resolve one motion, or a batch of motions.
 
-    The numbers of a method are arrays for a batch; ``resolve`` takes any method.
+    Its parameters are arrays for a batch; ``resolve`` takes any method.
     """
 
     def __post_init__(self) -> None:
@@ -308,12 +308,12 @@ class Method:
         return ()
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers that are searched by default on a path with these sample times [s]."""
+        """Return the parameters that are tuned by default on a path with these sample times [s]."""
         searched = [each for each in fields(self) if each.metadata.get("search") is not None]
         return tuple(Parameter(each.name, *each.metadata["search"], scale=each.metadata["scale"]) for each in searched)
 
     def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Self:
-        """Return the method with a value per motion (motions,) for some numbers; raises InvalidInput."""
+        """Return the method with a value per motion (motions,) for named parameters; raises InvalidInput."""
         searched = [each.name for each in self.parameters(times)]
         names = dict.fromkeys([*searched, *(each.name for each in fields(self))])
         for name in values:
@@ -326,22 +326,22 @@ class Method:
     def follow(
         self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
     ) -> ResolvedMotion:
-        """Return the motions from ``start``, broadcast against the method's numbers.
+        """Return the motions from ``start``, broadcast with the method's parameters.
 
         ``tolerance`` [m, rad] is the distance from the path above which nothing is predicted, None for 0.01. Raises
-        InvalidInput for starts and numbers that cannot be used.
+        InvalidInput for invalid starts and parameters.
         """
         raise InvalidInput(f"method must be one of pk.methods, such as PseudoInverse(), got {shown(self)}")
 
 
 def broadcast_shape(method: Method, start: np.ndarray, shapes: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
-    """Return the batch shape of starts (*starts, dof) and numbers; raises InvalidInput if they do not fit."""
+    """Return the batch shape of starts (*starts, dof) and parameters; raises InvalidInput if they do not broadcast."""
     name, starts = type(method).__name__, start.shape[:-1]
     try:
         shape = np.broadcast_shapes(starts, *shapes)
     except ValueError:
         others = ", ".join(sorted({str(one) for one in shapes if one}))
-        raise InvalidInput(f"{name}: starts of shape {starts} and numbers of {others} do not fit each other") from None
+        raise InvalidInput(f"{name}: starts must broadcast with parameters of shape {others}, got {starts}") from None
     if 0 in shape:
-        raise InvalidInput(f"{name}: arrays must have numbers, got an empty one")
+        raise InvalidInput(f"{name}: starts and parameters must not be empty, got an empty array")
     return shape

@@ -145,7 +145,7 @@ def resolve(resolution: Resolution) -> ResolvedMotion:
         hint = degrees_hint(q[task.arm.periodic])
         raise InvalidInput(
             f"resolve: {name}start must be at most {tolerance:g} {error_unit(task.tasks)} off the path's first sample, "
-            f'or unreachable="track" given, got {distance}{f"; {hint}" if hint else ""}'
+            f'got {distance}; unreachable="track" allows it{f"; {hint}" if hint else ""}'
         )
     cause = LOST_STEPS[str(status[i, sample - 1])] if broken[i, sample] else f"{distance} off the path"
     active = ""

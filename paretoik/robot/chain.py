@@ -91,7 +91,7 @@ class SerialChain:
         }
         if not isinstance(name, str) or name not in frames:
             hint = likely_spelling(name, frames)
-            wish = f"must be one of {', '.join(frames)}, which {self.name} has"
+            wish = f"must be one of {self.name}'s: {', '.join(frames)}"
             raise InvalidInput(f"frame {wish}, got {shown(name)}{hint}")
         return frames[name]
 

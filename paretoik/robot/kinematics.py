@@ -122,7 +122,7 @@ def _snap(rotation: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=256)
 def characteristic_length(arm: SerialChain) -> float:
-    """Return the length [m] from the first joint to the tool, with slides at 0.
+    """Return the length [m] from the first joint to the tool, prismatic joints at 0.
 
     If it is 0: the longest range of a slide, or 1 m if no slide is limited.
     """

@@ -60,7 +60,7 @@ def quadrature_weights(time: Series, differences: Differences) -> Series:
 
 
 def simpson_weights(time: Series) -> Series:
-    """Return the weights (*batch, time) [s] of Simpson's rule. Every other time is a midpoint."""
+    """Return the weights (*batch, time) [s] of Simpson's rule. Odd indices are midpoints."""
     sixth = (time[..., 2::2] - time[..., :-2:2]) / 6
     weights = np.zeros(time.shape)
     weights[..., :-2:2] += sixth
@@ -163,7 +163,7 @@ class Derivatives:
 
 
 def evaluate_with_midpoints(spline: Spline) -> tuple[Instants, Samples, Derivatives]:
-    """Return times, positions and derivatives at the samples and the middles between them."""
+    """Return times, positions and derivatives at the samples and midpoints."""
     x, v, a, inner = spline.position, spline.velocity, spline.acceleration, spline.inner_velocity
     step = np.diff(spline.time)[..., None]
     middle = (x[..., :-1, :] + x[..., 1:, :]) / 2 + step * (v[..., :-1, :] - v[..., 1:, :]) / 8
@@ -241,9 +241,9 @@ def _values_at_knots(control: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray
     return position, velocity, acceleration, slopes
 
 
-def _interleave(samples: np.ndarray, middles: np.ndarray) -> np.ndarray:
+def _interleave(samples: np.ndarray, midpoints: np.ndarray) -> np.ndarray:
     dense = np.empty((*samples.shape[:-2], 2 * samples.shape[-2] - 1, samples.shape[-1]))
-    dense[..., ::2, :], dense[..., 1::2, :] = samples, middles
+    dense[..., ::2, :], dense[..., 1::2, :] = samples, midpoints
     return dense
 
 

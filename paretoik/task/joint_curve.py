@@ -51,7 +51,7 @@ def interpolate(q: JointPaths, time: Series, t: Times, *, cyclic: bool, order: i
 
 
 def target_rates(tasks: Sequence[Task], t: Times) -> tuple[Float[np.ndarray, "time numbers"], ...]:
-    """Return the targets of all tasks and their two time derivatives. Times are t [s]."""
+    """Return the targets of all tasks at times t [s], and their first two time derivatives."""
     first, second = zip(*(task.target_rates(t) for task in tasks), strict=True)
     return path_targets(tasks, t), np.concatenate(first, axis=1), np.concatenate(second, axis=1)
 

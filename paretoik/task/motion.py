@@ -85,7 +85,7 @@ def check_link_radius(radius: object) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """Joint motions of one arm, a batch of them or one.
+    """One joint motion of an arm, or a batch of them.
 
     arm: arm that moves
     time: sample times (*batch, time) [s]
@@ -96,12 +96,12 @@ class Motion:
     differences: kind of velocities and accelerations at the samples, see below
     cyclic: whether the motion ends as it starts: q_N = q₀, v₀ = v_N
     ends_at_rest: whether a spline ends with velocity 0
-    derivatives: velocities and accelerations that do not follow from the samples, else None
+    derivatives: given velocities and accelerations; None to derive them from the samples
 
     A motion is a C² curve, a cubic spline that is projected onto its tasks (``at``, ``state``). Differences are
 
     - "spline": velocities and accelerations are those of the curve, as in ``state``. The spline passes within about
-      δ⁴q/36 of the inner samples. Objectives and limits are evaluated at ``instants``, the samples and the middles
+      δ⁴q/36 of the inner samples. Objectives and limits are evaluated at ``instants``, the samples and the midpoints
       between them, integrals by Simpson's rule; integrals with kinks use ``of_spline``.
     - "backward" as in Tringali & Cocuzza 2020 (v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the
       rectangle at the right end), or "central" (second order, integrals by the trapezoid rule). These are differences
@@ -227,7 +227,7 @@ class Motion:
 
     @cached_property
     def manipulability(self) -> Series:
-        """Yoshikawa's √det(J Jᵀ) (*batch, time) of the tasks, or of the tool without tasks."""
+        """Yoshikawa's √det(J Jᵀ) (*batch, time) of the tasks, or of the tool if there are no tasks."""
         if self.tasks:
             jacobian = self._errors[1]
         else:
@@ -265,8 +265,8 @@ class Motion:
     def instants(self) -> Motion:
         """The motion at the times at which objectives and limits are evaluated.
 
-        For splines these are the samples and the middles between them, (*batch, 2 · time − 1, dof), with values of the
-        curve, or of the spline if the curve leaves its path. Otherwise it is the motion itself.
+        For splines these are the samples and midpoints, (*batch, 2 · time − 1, dof), with values of the
+        curve, or of the spline if it cannot be retracted. Otherwise it is the motion itself.
         """
         if self.differences != "spline" or self.derivatives is not None:
             return self
@@ -292,7 +292,7 @@ class Motion:
 
     @property
     def velocity_bounds(self) -> JointPaths:
-        """Velocities at the ``instants``; in the middles of a spline, its Bernstein coefficients."""
+        """Velocities at the ``instants``; at midpoints of a spline, its Bernstein coefficients."""
         return self.dq if self.derivatives is None else self.derivatives.velocity_bounds
 
     @property
@@ -365,13 +365,13 @@ class Motion:
 
     @cached_property
     def _spline_nodes(self) -> JointState:
-        """State of the spline at the samples and the middles between them."""
+        """State of the spline at samples and midpoints."""
         _, q, rates = evaluate_with_midpoints(self.spline)
         return JointState(q, rates.dq, rates.ddq)
 
     @cached_property
     def _nodes(self) -> JointState:
-        """State of the curve at samples and middles, or of the spline if the curve leaves the path."""
+        """State at samples and midpoints: on the path, or on the spline if it cannot be retracted."""
         spline = self._spline_nodes
         if not self.tasks:
             return spline

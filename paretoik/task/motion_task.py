@@ -191,7 +191,7 @@ class MotionTask:
 
     @cached_property
     def instants(self) -> Times:
-        """Times [s] of objectives and limits: the samples, for splines also the middles between."""
+        """Times [s] of objectives and limits: samples, for splines also midpoints."""
         return with_midpoints(self.times) if self.differences == "spline" else self.times
 
     @property
@@ -476,7 +476,7 @@ def evaluate_motions(
 ) -> tuple[Objectives, np.ndarray, np.ndarray]:
     """Return minimised objectives F, violations (points, limits), and causes of failure (points,).
 
-    Failed evaluations are NaN and have a cause. Raises Interrupted after a signal, if ``interruptible``.
+    Values of failed evaluations are NaN. Raises Interrupted after a signal, if ``interruptible``.
     """
     if interruptible:
         check_interruption()

@@ -58,7 +58,7 @@ class Objective:
     def __call__(self, motion: Motion) -> Values:
         """Return the objective's values (*batch,), in the user's own sign.
 
-        Raises, naming the objective, InvalidInput for values of another shape or type, EvaluationFailed if it raises.
+        Raises InvalidInput for values of another shape or type, EvaluationFailed if the function raises.
         """
         name = f"objective {self.name}"
         if not hasattr(motion, "q"):
@@ -155,7 +155,7 @@ def evaluate_function(name: str, function: Function, motion: Motion, form: Form)
 
 
 def evaluate_integral(name: str, term: Any, motion: Motion) -> np.ndarray:
-    """Return the integrals (*batch,) of a function; with kinks, on ``Motion.of_spline``."""
+    """Return the integrals (*batch,) of a function, on ``of_spline`` if it has kinks."""
     instants = motion.instants
     if motion.differences == "spline" and has_kinks(
         term, motion.arm, motion.tasks, motion.obstacles, motion.link_radius
@@ -275,8 +275,8 @@ def _nearness(name: str, kind: str, values: Any, lower: np.ndarray, upper: np.nd
 def _limited_joints(
     name: str, kind: str, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return which joints have two different limits, and these. Raises InvalidInput if none has."""
+    """Return which joints have two different limits, and these limits. Raises InvalidInput if none has."""
     limited = np.isfinite(upper - lower) & (upper > lower)
     if not limited.any():
-        raise InvalidInput(f"{name} must have {kind} limits at both ends, got an arm none of whose joints has these")
+        raise InvalidInput(f"{name} must have {kind} limits at both ends, got an arm without any")
     return limited, lower[limited], upper[limited]

@@ -141,7 +141,7 @@ def clearance(
     0.15
     """
     if len(obstacles) == 0:
-        raise InvalidInput("clearance: must be given at least one obstacle")
+        raise InvalidInput("clearance: must have at least one obstacle, got none")
     distances = [signed_distance(obstacle, nodes[..., :-1, :], nodes[..., 1:, :]) - radius for obstacle in obstacles]
     return np.asarray(reduce(np.minimum, [distance.min(axis=-1) for distance in distances]))
 

@@ -144,7 +144,7 @@ class Path:
         instants = finite_array("path: time t", t)
         outside = np.flatnonzero(np.abs(instants / self.duration - 0.5) > 0.5 + 1e-9)
         if len(outside):
-            raise InvalidInput(f"path: time t: must lie in [0, {self.duration:g}] s, got {instants.flat[outside[0]]:g}")
+            raise InvalidInput(f"path: time t must be in [0, {self.duration:g}] s, got {instants.flat[outside[0]]:g}")
         return instants.clip(0.0, self.duration)
 
     def resample(self, samples: int) -> Path:
@@ -152,7 +152,7 @@ class Path:
         return sample_curve(self.curve, even_times(self.duration, samples))
 
     def with_midpoints(self) -> Path:
-        """Return the same path with one sample added in each interval's middle."""
+        """Return the same path with one sample added at each interval's midpoint."""
         return sample_curve(self.curve, with_midpoints(self.times))
 
     def subsample(self, samples: int) -> Path:
@@ -265,7 +265,7 @@ def line(
     samples: number of samples, at least 3
     timing: time law, "raised-cosine", "quintic" or "uniform"
 
-    Between poses the orientation turns by the same law about one axis, by at most half a turn (the geodesic). Raises
+    Between poses the orientation follows the geodesic by the same law. Raises
     InvalidInput for ends of different kinds or at the same place, a bad duration, fewer than 3 samples, or an unknown
     time law.
 
@@ -326,7 +326,7 @@ def circle(
     radius = positive_number("circle radius", radius, "m")
     number = finite_number("circle turns", turns)
     if not 0 < abs(number) <= OPTIONS.most_turns:
-        raise InvalidInput(f"circle turns: must not be 0, and {OPTIONS.most_turns:g} at most, got {number:g}")
+        raise InvalidInput(f"circle |turns| must be above 0, at most {OPTIONS.most_turns:g}, got {number:g}")
     phase, orientation, fact = finite_number("circle start_angle", start_angle), None, ""
     if isinstance(center, Pose):
         check_pose("circle center", center)
@@ -367,7 +367,7 @@ def waypoints(
 
     The path is a C² cubic spline over the chord length between the points (over the angle if poses only turn), periodic
     if the last point equals the first, with SciPy's ``RotationSpline`` for orientations. Raises InvalidInput for fewer
-    than 2 points, a point at the place of the one before (with its index), and as ``line`` does.
+    than 2 points, two equal points in a row (with the index), and as ``line`` does.
 
     >>> path = waypoints([[0, 0], [1, 1], [2, 0]], duration=1.0)
     >>> path.at(0.5)[0].round(12)

@@ -107,14 +107,14 @@ def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfR
             errors.append((float(np.linalg.norm(residual)), target, residual[:size], residual[size:]))
             row, column = row + part.rows, column + part.target_size
         _, target, off, turn = max(errors, key=lambda entry: entry[0])
-        rotation = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""
+        rotation = f" and {np.linalg.norm(turn):.3g} rad" if len(turn) else ""
         distance, length = float(np.linalg.norm(off)), characteristic_length(task.arm)
         is_far = distance > POSTURE_OPTIONS.other_units * length
         units = f"; the arm is {length:.3g} m long: is the path in metres?" if is_far else ""
         wanted, reached = ((np.round(place, 6) + 0.0).tolist() for place in (target, target - off))
         return OutOfReach(
-            f"path leaves reach at sample {sample} ({task.times[sample]:.3g} s): {wanted} m is {distance:.3g} m from "
-            f"the nearest point found, {reached} m{rotation}{units}",
+            f"path leaves reach at sample {sample} ({task.times[sample]:.3g} s): {wanted} m is {distance:.3g} m"
+            f"{rotation} from the nearest {'pose' if rotation else 'point'} found, {reached} m{units}",
             sample=sample,
         )
     if task.cyclic:
@@ -156,7 +156,7 @@ def wrap_difference(difference: np.ndarray, periodic: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class StartOptions:
-    """Settings of start motions, in rad; slides are in arm lengths."""
+    """Settings of start motions [rad; arm lengths if prismatic]."""
 
     travel: float = 9.0  # largest travel of all joints together along the self-motion
     travel_width: tuple[float, float] = (0.3, 1.0)  # share of the path on which half of the travel takes place
@@ -171,11 +171,11 @@ MOTION_OPTIONS = StartOptions()
 
 
 def rollout_starts(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
-    """Return up to ``count`` motions on the path: weighted-pseudoinverse roll-outs, retracted.
+    """Return up to ``count`` weighted-pseudoinverse roll-outs, retracted onto the path.
 
     Each starts at its own posture, or at the given start, and has its own random symmetric weights with eigenvalues in
     (0, 1). If samples are too far apart, the path is sampled finer. Source: Tringali & Cocuzza 2020, section 3.1.2.
-    Raises OutOfReach, naming the sample, or Infeasible without a continuous motion.
+    Raises OutOfReach, naming the sample, or Infeasible if there is no continuous motion.
     """
     try:
         return _roll_out(task, count, rng)

@@ -55,7 +55,7 @@ def task_errors(
 def relative_errors(
     arm: Arm, tasks: Sequence[Task], q: Float[np.ndarray, "*batch dof"], targets: Float[np.ndarray, "*#batch numbers"]
 ) -> tuple[Float[np.ndarray, "*batch rows"], Float[np.ndarray, "*batch rows dof"]]:
-    """Return all tasks' errors and Jacobian: positions and slides in arm lengths, angles in rad."""
+    """Return all tasks' errors and Jacobian: lengths in arm lengths, angles in rad."""
     error, jacobian = task_errors(arm, tasks, q, targets)
     scales = row_scales(arm, tasks)
     return error / scales, jacobian * joint_scales(arm) / scales[:, None]
@@ -77,7 +77,7 @@ def retract(
 ) -> Retraction:
     """Return postures q = start + directions · z on the path.
 
-    z follows by Newton's method from 0. A sample's result does not depend on other samples in the batch. If the
+    Newton's method finds z from 0. A sample's result does not depend on other samples in the batch. If the
     determinant of the Newton matrix changes its sign, the sample has crossed a fold to another sheet of the self-motion
     manifold and is not on the path.
     """

@@ -70,7 +70,7 @@ def _axes(arm: Arm, q: np.ndarray) -> np.ndarray:
 class CurveOptions:
     """Settings of branches, of curve tracing, and of nodes on curves.
 
-    Distances are in rad; slides are in arm lengths.
+    Distances are in rad, for prismatic joints in arm lengths.
     """
 
     parallel: float = 1e-9  # sine of the angle below which axes count as parallel, or a joint as straight
@@ -111,7 +111,7 @@ def self_motion_frames(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the direction of self-motion, the targets, and the normal directions at q [rad, m].
 
-    Directions have length 1 with slides in arm lengths.
+    Directions have length 1, with prismatic joints in arm lengths.
     """
     targets, scales = task.targets[samples], joint_scales(task.arm)
     jacobian = relative_errors(task.arm, task.tasks, q, targets)[1]
@@ -232,7 +232,7 @@ class Charts:
 
     null_space: bases of the null space of the tasks' Jacobian along each base motion, transported without turning
 
-    Both are orthonormal with slides in arm lengths, so that y = null_spaceᵀ (q − base).
+    Both are orthonormal if prismatic joints are in arm lengths, so that y = null_spaceᵀ (q − base).
     """
 
     base: Float[np.ndarray, "bases time dof"]
@@ -262,7 +262,7 @@ class Charts:
 
 
 def build_charts(task: MotionTask, base: Float[np.ndarray, "bases time dof"]) -> Charts:
-    """Return coordinates around base motions on the path."""
+    """Return charts around base motions on the path."""
     jacobian = relative_errors(task.arm, task.tasks, base, task.targets)[1]
     null_space = np.linalg.svd(jacobian)[2][..., task.rows :, :].swapaxes(-1, -2)
     for i in range(1, base.shape[1]):  # parallel transport: each basis is as near as possible to the basis before

@@ -276,7 +276,7 @@ def trace_motion_function(
 ) -> list[Expression | float]:
     """Return the value of a function of a whole motion, or one per sample of a series.
 
-    Raises, by ``name``, InvalidInput without derivatives, EvaluationFailed if it raises.
+    Raises InvalidInput if it has no derivative, EvaluationFailed if it raises.
     """
     shape = motion.time.shape if form in ("integral", "peak") else ()
     wish = f"(time,), here {shape}," if shape else "()"
@@ -292,7 +292,7 @@ def trace_motion_function(
 def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[Any], Any]) -> Expression | float | None:
     """Return the value of a function at one sample; None if it combines several.
 
-    Raises, by ``name``, InvalidInput without derivatives, EvaluationFailed if it raises.
+    Raises InvalidInput if it has no derivative, EvaluationFailed if it raises.
     """
     tape = motion.trace.tape
     try:

@@ -48,7 +48,7 @@ def motion_task(
     differences: Differences = DIFFERENCES,
     redundant: bool = True,
 ) -> MotionTask:
-    """Return the motion task of all parts of a problem, checked, with a free start and end.
+    """Check all parts of a problem; return its motion task, with free start and end.
 
     redundant: True to refuse tasks that leave no joint free
 
@@ -145,23 +145,22 @@ def _followed_tasks(arm: Arm, given: Path | Task | Sequence[Path | Task], *, red
     every = []
     for one in given if isinstance(given, list | tuple) else [given]:
         if not isinstance(one, Path | Task):
-            raise InvalidInput(f"path must be a Path, a Task or several of them, got {shown(one)}")
+            raise InvalidInput(f"path must be a Path, a Task or a list of these, got {shown(one)}")
         every.append(Task(one) if isinstance(one, Path) else one)
     tasks = tuple(one.resolve_axes(arm) for one in every)
     for one in every:
         _check_plane(arm, one)
     if not tasks:
-        raise InvalidInput("path must be at least one path or task, got none")
+        raise InvalidInput("path must have at least one path or task, got none")
     times = tasks[0].path.times
     for i, task in enumerate(tasks[1:], start=2):
         if not np.array_equal(task.path.times, times):
             raise InvalidInput(f"task {i}: must be sampled at the same times as task 1")
     rows = sum(task.rows for task in tasks)
     if rows > arm.dof - redundant:
-        wish = "is not redundant for this task" if redundant else "has too few joints for this task"
         raise InvalidInput(
-            f"path: {arm.name} {wish}, got {arm.dof} joints for {rows} equations; there must be more joints "
-            "or fewer axes"
+            f"path: {arm.name} must have at least {rows + redundant} joints for {rows} equations, got {arm.dof}; "
+            "drop axes or add joints"
         )
     return tasks
 

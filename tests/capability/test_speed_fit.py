@@ -174,7 +174,7 @@ def test_errors_are_shares_of_the_true_speed_and_say_where():
     [
         (lambda p, d, v: (p, d, v[:, :3]), "speeds must have shape (9, 8), got (9, 3)"),
         (lambda p, d, v: (p, 2 * d, v), "directions must be unit vectors, got length 2 at direction 0"),
-        (lambda p, d, v: (p, d[[0, 3]], v[:, :2]), "directions must be at least 3 that determine an ellipsoid"),
+        (lambda p, d, v: (p, d[[0, 3]], v[:, :2]), "directions must determine the 3 numbers of an ellipsoid"),
         (lambda p, d, v: (p * [1, 0], d, v), "in general position, got 9 that determine only 3 of 6 terms"),
     ],
 )

@@ -210,7 +210,7 @@ def test_a_path_through_the_hole_around_the_base_is_refused():
 
 def test_an_orientation_out_of_reach_is_refused_with_what_is_missing_of_it():
     path = line(Pose.planar(3.5, 0, 0), Pose.planar(3.5, 0.1, 3.0), duration=1.0, samples=21)
-    with pytest.raises(OutOfReach, match=r"there turned 0.01\d* rad away") as refused:
+    with pytest.raises(OutOfReach, match=r"m and 0.01\d* rad from the nearest pose") as refused:
         rollout_starts(task_of(marcos_nr(4), path), 60, chance())
     w, z = path.quaternions[:, 0], path.quaternions[:, 3]
     wrist = path.positions[:, :2] - np.stack([1 - 2 * z**2, 2 * w * z], axis=-1)

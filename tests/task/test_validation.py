@@ -25,11 +25,11 @@ def test_a_path_a_task_and_a_list_of_them_are_all_understood():
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"path": None}, "path must be a Path, a Task or several of them, got None"),
+        ({"path": None}, "path must be a Path, a Task or a list of these, got None"),
         ({"path": [LINE, LATER]}, "task 2: must be sampled at the same times as task 1"),
         (
             {"path": [LINE, ELSEWHERE]},
-            "is not redundant for this task, got 3 joints for 4 equations; there must be more joints or fewer axes",
+            "must have at least 5 joints for 4 equations, got 3; drop axes or add joints",
         ),
         (
             {"objectives": kinetic_energy},
