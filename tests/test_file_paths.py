@@ -32,7 +32,7 @@ def folder(tmp_path):
         ("arm.urdf/run.json", "a path through {}/arm.urdf, which is no folder"),
         ("runs", "a folder"),
         ("lost", "a link that leads to nothing"),
-        ("x" * 300, "a path that cannot be followed, File name too long"),
+        ("x" * 300, "a path that cannot be followed: File name too long"),
         ("pipe", "something else"),
     ],
 )

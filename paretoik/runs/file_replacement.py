@@ -22,8 +22,8 @@ SAVED = ".saved"  # a folder of complete files that move into the folder around 
 def replace_file(file: Path, content: bytes, *, check: Callable[[Path], object] | None = None) -> None:
     """Write ``content`` to ``file`` through a temporary file; make folders.
 
-    No reader sees a part. ``check`` gets the temporary file before it replaces the former one. Raises InvalidInput if
-    the system refuses, as on a full disk, and what ``check`` raises; the former file is then unchanged.
+    No reader sees an incomplete file. ``check`` gets the temporary file before it replaces the former one. Raises
+    InvalidInput if the system refuses, as on a full disk, and what ``check`` raises; the former file is then unchanged.
     """
     if file.name in ("", ".."):
         raise InvalidInput(f"{file} must be a file to write, got a folder")
@@ -79,7 +79,7 @@ def remove(place: Path) -> None:
 
 @contextmanager
 def only_writer(folder: Path) -> Iterator[None]:
-    """Lock a folder, made if necessary, while the body replaces its files, so that no other process does.
+    """Lock a folder while the body replaces its files; make it if necessary.
 
     Files that a killed process saved there move into place first. The lock ends with the process. Raises InvalidInput
     if the system refuses.

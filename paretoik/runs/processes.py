@@ -85,7 +85,7 @@ def _send(connection: Connection, place: int, reply: Done | Raised | None) -> No
     try:
         message = cloudpickle.dumps((place, reply))
     except Exception as error:  # users' errors need not be picklable
-        refusal = InvalidInput(f"workers: a result must be picklable, got {cause_of(error)}")
+        refusal = InvalidInput(f"workers: a result cannot be pickled: {cause_of(error)}")
         message = cloudpickle.dumps((place, Raised(error=refusal)))
     connection.send_bytes(message)
 

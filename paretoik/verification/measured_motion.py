@@ -63,7 +63,7 @@ def rebuild(time: np.ndarray, q: np.ndarray, *, differences: str, cyclic: bool, 
 
 
 def instants_of(time: np.ndarray, differences: str) -> np.ndarray:
-    """Return the times of limits and objectives: samples, and for splines the middles between them."""
+    """Return the times of limits and objectives: samples, and for splines also midpoints."""
     if differences != "spline":
         return time
     return np.sort(np.concatenate([time, (time[1:] + time[:-1]) / 2]))
@@ -125,7 +125,7 @@ def _backward(values: np.ndarray, time: np.ndarray, *, cyclic: bool) -> np.ndarr
 
 
 def _central(values: np.ndarray, time: np.ndarray, order: int, *, cyclic: bool) -> np.ndarray:
-    """Return derivatives of the parabolas through three samples each, at an end of the nearest one."""
+    """Return derivatives of parabolas through three samples each; an end uses the nearest parabola."""
     if cyclic:
         last = len(time) - 1
         time = np.concatenate([[time[0] - time[last] + time[last - 1]], time, [time[last] + time[1] - time[0]]])
@@ -147,7 +147,7 @@ def _central(values: np.ndarray, time: np.ndarray, order: int, *, cyclic: bool) 
 # Distances of links from obstacles: signed distances of points, and a search along each link.
 #
 # The signed distance of points to a convex body is convex, so that golden-section search along a link finds its
-# least.
+# minimum.
 
 
 def point_distances(obstacle: Any, points: np.ndarray) -> np.ndarray:
@@ -237,7 +237,7 @@ class MeasuredMotion:
 
     @property
     def velocity_bounds(self) -> np.ndarray:
-        """Velocities, for a spline with Bernstein coefficients in the middles of intervals."""
+        """Velocities; for a spline Bernstein coefficients at midpoints."""
         return self.dq if self.coefficients is None else self.coefficients
 
     @property

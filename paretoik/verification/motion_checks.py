@@ -47,7 +47,7 @@ def check_samples(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray, p
         if angle[k] > distance[k] / model.length:
             place = Worst(what="angle", joint=frame, time=float(time[k]), value=float(angle[k]), unit="rad")
         yield judge("tracking at samples", float(error.max()), share, detail, point=point, worst=place)
-    ends = [("start", "its start", 0, task.start), ("closure", "where it begins", -1, q[0] if task.cyclic else None)]
+    ends = [("start", "its start", 0, task.start), ("closure", "its first sample", -1, q[0] if task.cyclic else None)]
     for subject, name, k, wanted in ends:
         if wanted is None:
             continue
@@ -213,9 +213,9 @@ def check_between(
     *,
     promised: bool,
 ) -> Iterator[Check]:
-    """Check one motion between its samples, at all times against obstacles.
+    """Check one motion between its samples; clearance is checked at all times.
 
-    stated: bound of the violation in the table
+    stated: bound of the violation between samples in the table, None if it has none
     promised: whether there must be no violation
     """
     task = samples.task
@@ -241,7 +241,7 @@ def check_between(
     if stated is not None:
         largest, worst = max(found, key=lambda each: each[0], default=(0.0, None))
         largest, subject = max(largest, 0.0), "violation_between in the table"
-        detail, short = f"the table says {stated:.3g}, it is {largest:.3g}", largest - min(stated, largest)
+        detail, short = f"the table says {stated:.3g}, but it is {largest:.3g}", largest - min(stated, largest)
         yield judge(subject, short, TOLERANCES.stated, detail, point=point, worst=worst)
     if not task.obstacles:
         return
@@ -271,10 +271,9 @@ def check_between(
 def least_clearance(
     samples: MeasuredMotion, postures: Callable[[np.ndarray], np.ndarray], time: np.ndarray
 ) -> tuple[float, float, bool]:
-    """Return the least clearance, its time, and whether it is proven, because all intervals are resolved.
+    """Return the least clearance, its time, and whether it is proven.
 
-    It is searched for only if it may be below the limit; an interval is done if its ends and its length exclude a
-    collision.
+    Intervals are halved until their ends and lengths exclude that they come below the limit.
     """
     task, model = samples.task, samples.model
     t = divided(time, OPTIONS.instants)
