@@ -28,7 +28,7 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes
         if initial.genes is not None and initial.provenance.get("fingerprint") == fingerprint(problem):
             return np.array(initial.genes)
         if initial.motions is None:
-            raise InvalidInput("initial must be a front of this problem or with motions, got neither")
+            raise InvalidInput("initial must be a front of this problem, or one with motions, got neither")
         initial = initial.motions  # type: ignore[assignment]  # a front of motions holds Motion
     if initial is None or isinstance(initial, np.ndarray | list):
         return initial

@@ -90,7 +90,7 @@ def infeasible_entries(
 
 
 def motion_bytes(arm: Arm, time: np.ndarray, q: np.ndarray) -> bytes:
-    """Return motions (motions, time, dof) as the content of `motions.npz`, their ids from 0 on."""
+    """Return motions (motions, time, dof) as the content of `motions.npz`, with ids from 0."""
     stored = StoredMotions(arm=StoredJoints(joint_names=arm.joint_names), time=time, q=q)
     return array_bytes({"id": np.arange(len(q)), **motion_arrays(stored)})
 

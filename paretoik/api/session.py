@@ -419,7 +419,7 @@ class Session:
         if is_loop or not (isinstance(failure, Infeasible) and isinstance(scene, PlannedScene | SearchedFront)):
             return {}, {}
         if isinstance(error, Interrupted):
-            error.add_note(f"by then there was {failure}")
+            error.add_note(f"by then: {failure}")
         nearest = self.nearest or nearest_motion(self.request.problem, failure)
         with self.reviewing():
             if isinstance(scene, PlannedScene):

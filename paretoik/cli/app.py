@@ -247,7 +247,7 @@ def solve(
     ] = None,
     points: Annotated[int, typer.Option(help="Maximum number of points, spread over the front.")] = 200,
     seed: Annotated[int | None, typer.Option(help="Seed of all random numbers (0).")] = None,
-    islands: Annotated[int, typer.Option(help="Number of populations; the best migrate to the next one.")] = 1,
+    islands: Annotated[int, typer.Option(help="Number of populations; some points migrate to the next one.")] = 1,
     time_limit: TimeLimit = None,
     workers: Workers = None,
     cluster: ClusterAddress = None,

@@ -269,5 +269,5 @@ def agreed_problem(run: Path, problem: str | None, *, needed: bool = False) -> s
         return words[1]
     if needed:
         command = shell_command("paretoik", *sys.argv[1:], *words)
-        raise InvalidInput(f"problem of {run} must be named, as only then its file is run, got none: {command}")
+        raise InvalidInput(f"problem of {run} must be named, got none; its file is run only then: {command}")
     return None

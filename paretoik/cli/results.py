@@ -104,8 +104,8 @@ RateOption = Annotated[
 ControllerOption = Annotated[
     str | None,
     typer.Option(
-        help="Controller whose limits must hold: franka, ur or kinova, or one of panda, fr3, ur3e, ur5e, ur10e, "
-        "ur16e, gen3, or your own pk.controllers.Controller, FILE.py:NAME, whose file is run."
+        help="Controller whose limits must hold: a family (franka, ur, kinova), a model (panda, fr3, ur3e, ur5e, "
+        "ur10e, ur16e, gen3), or your own pk.controllers.Controller as FILE.py:NAME, whose file is run."
     ),
 ]
 OutOption = Annotated[Path | None, typer.Option(help="File to write, or folder of a bag (point-ID in the run).")]

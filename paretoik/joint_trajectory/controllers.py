@@ -147,7 +147,7 @@ class Controller:
         lists = read_list("other_joint_names", self.other_joint_names, list | tuple, "lists of joint names")
         others = [check_joint_names("other_joint_names", each) for each in lists]
         if any(len(each) != len(names) for each in others):
-            raise InvalidInput(f"{about}: other_joint_names must have {len(names)} per list, got {shown(others)}")
+            raise InvalidInput(f"{about}: other_joint_names must have {len(names)} names per list, got {shown(others)}")
         assign(self, "rate", positive_number(f"{about}: rate", self.rate, "Hz"))
         check_flag(f"{about}: rest_acceleration", self.rest_acceleration)
         position = self.position
@@ -172,11 +172,11 @@ class Controller:
         return np.stack([np.maximum(bounds[0], lower), np.minimum(bounds[1], upper)])
 
     def moves(self, arm: Arm) -> bool:
-        """Return whether an arm has the controller's joints, by name, with a prefix or without."""
+        """Return whether an arm has the controller's joints; all names may have one prefix."""
         return self._order(arm) is not None
 
     def arranged_for(self, arm: Arm) -> Controller:
-        """Return the controller with its joints in the order of the arm's, matched by name, with a prefix or without.
+        """Return the controller with its joints in the order of the arm's. Names may have one prefix.
 
         Raises InvalidInput if the joints are not the same.
         """

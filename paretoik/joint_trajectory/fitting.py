@@ -30,7 +30,16 @@ UNITS = JOINT_UNITS | {"jerk": ("rad/s³", "m/s³"), "torque rate": ("N m/s", "N
 
 @dataclass(frozen=True, kw_only=True)
 class LimitUse:
-    """The largest use of a kind of limit: a joint's ``value`` at ``time`` [s]; ``use`` 1 is all of ``limit``."""
+    """The largest use of a kind of limit.
+
+    quantity: kind of limit
+    joint: name of the joint
+    prismatic: whether the joint is prismatic
+    time: time [s] of the value
+    value: value of the quantity
+    limit: limit of the quantity
+    use: share of the limit that is used; 1 at the limit
+    """
 
     quantity: str
     joint: str

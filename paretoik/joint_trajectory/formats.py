@@ -48,7 +48,7 @@ def parquet_bytes(trajectory: JointTrajectory) -> bytes:
 
 
 def npz_bytes(trajectory: JointTrajectory) -> bytes:
-    """Return an NPZ of ``joint_names``, ``time``, ``q``, ``dq``, ``ddq`` and ``metadata``, JSON; without pickle."""
+    """Return an NPZ of ``joint_names``, ``time``, ``q``, ``dq``, ``ddq`` and ``metadata`` (JSON), without pickle."""
     arrays = {"joint_names": np.array(trajectory.joint_names, dtype=np.str_)}
     arrays |= {name: getattr(trajectory, name) for name in ("time", "q", "dq", "ddq")}
     return array_bytes(arrays | {"metadata": np.array(metadata_json(trajectory), dtype=np.str_)})
@@ -107,9 +107,9 @@ def yaml_bytes(trajectory: JointTrajectory) -> bytes:
 
 
 def check_bag(folder: Path, *, overwrite: bool) -> None:
-    """Raise InvalidInput if a folder may not become a bag.
+    """Raise InvalidInput if no bag may be written to a folder.
 
-    Only an existing bag may be replaced, and only with ``overwrite``.
+    An existing bag may be replaced, but only with ``overwrite``.
     """
     check_target("bag", folder, overwrite=overwrite, folder=True)
     file = folder / "metadata.yaml"

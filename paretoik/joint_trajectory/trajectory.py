@@ -72,7 +72,7 @@ class TimeScaling:
 
 
 def time_scaling(duration: float, rate: float, *, time_scale: float = 1.0, ramp: float = 0.0) -> TimeScaling:
-    """Return the scaling of a motion by ``time_scale``, or a little more, so that it takes whole periods.
+    """Return the scaling of a motion; ``time_scale`` is rounded up so that it takes whole periods.
 
     Raises InvalidInput for a time scale below 1, a ramp shorter than a period or longer than the motion, and a
     rate with too few or too many periods.

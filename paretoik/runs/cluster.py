@@ -69,8 +69,10 @@ OPTIONS = ClusterOptions()
 
 
 class Task(NamedTuple):
-    """A pickled function with pickled pairs of place and item, as bytes.
+    """The work of one message to the scheduler.
 
+    function: pickled function
+    items: pickled pairs (place, item)
     key: key of the shared object
     seconds: longest time for an item, None for no limit
     software: versions that the worker must have

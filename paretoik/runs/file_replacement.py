@@ -1,8 +1,8 @@
 """Replaces files completely or not at all, one or several together.
 
-Every file is written under another name, synchronised and renamed. Several files are written into the folder `.saved`
-within their folder, and then move into place. They are saved once this folder has its name: if the process is killed
-while they move, the next process that reads or writes there moves the rest. Before that the former files are unchanged.
+One file is written under another name, synchronised and renamed. Several files are written into a temporary folder,
+which is renamed to `.saved`; then they move into place. If the process is killed while they move, the next process that
+reads or writes there moves the rest. If it is killed before the renaming, the former files are unchanged.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def replace_files(folder: Path, contents: Mapping[str, bytes]) -> None:
 
 
 def move_files(names: Iterable[str], source: Path, target: Path) -> None:
-    """Move existing entries with these names from folder to folder."""
+    """Move existing entries with these names from ``source`` to ``target``."""
     for name in names:
         with suppress(FileNotFoundError):
             (source / name).rename(target / name)

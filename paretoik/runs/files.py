@@ -33,7 +33,7 @@ def read_arrays(content: bytes) -> dict[str, np.ndarray]:
 
 
 def read_table(content: bytes) -> Any:
-    """Return the Arrow table of a Parquet file, with present column names; raises what Arrow raises."""
+    """Return the Arrow table of a Parquet file, with current column names; raises what Arrow raises."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -220,10 +220,11 @@ def class_parts(kind: type) -> dict[str, object]:
 
 
 def object_state(value: Any) -> Mapping[str, object]:
-    """Return the defining attributes of an object by name, without values computed from them later.
+    """Return the attributes that define an object, by name, without values that are computed from them.
 
-    Data classes count by their fields; objects of users, paretoik's objects and pymoo problems by their attributes,
-    except those that an evaluation writes; library objects by the parts that pickle takes.
+    - data classes: fields
+    - users' and paretoik's objects, pymoo problems: attributes, except those that an evaluation writes
+    - other libraries' objects: the parts that pickle takes
     """
     kind = type(value)
     if is_dataclass(kind):

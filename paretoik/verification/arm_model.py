@@ -109,7 +109,7 @@ class ArmModel:
         return nodes
 
     def reaches(self, q: np.ndarray) -> np.ndarray:
-        """Return the largest displacement (dof,) [m] of a node per rad or m of each joint, slid as in ``q``."""
+        """Return the largest displacement (dof,) [m] of a node per rad or m of each joint, in any posture of ``q``."""
         lengths = np.array([np.linalg.norm(pose.position) for pose in (*self.arm.placements[1:], self.arm.tool)])
         travel = np.where(self.turning, 0.0, np.abs(q).max(axis=0))
         after = np.cumsum((lengths + np.append(travel[1:], 0.0))[::-1])[::-1]

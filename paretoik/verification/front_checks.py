@@ -98,7 +98,7 @@ def _check_rates(run: RunContents) -> Iterator[Check]:
     arrays, size = run.motions, run.ranges
     for name in ("weights", "exchange_rates", "exchange_intervals"):
         if name not in arrays or len(arrays[name]) != len(run.ids):
-            yield demand("certificates", False, f"motions.npz has no {name} of all points")
+            yield demand("certificates", False, f"motions.npz has no {name} for all points")
             return
     for row, number in enumerate(run.ids.tolist()):
         weights = np.asarray(arrays["weights"][row])

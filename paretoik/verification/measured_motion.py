@@ -31,7 +31,7 @@ from paretoik.verification.tolerances import OPTIONS
 
 
 def rebuild(time: np.ndarray, q: np.ndarray, *, differences: str, cyclic: bool, ends_at_rest: bool) -> Any:
-    """Return SciPy's curve (time, dof) through or near samples, which has a method ``derivative``."""
+    """Return SciPy's curve through or near samples (time, dof); it has a method ``derivative``."""
     if differences != "spline":
         degree = min(3, len(time) - 1)
         return make_interp_spline(time, q, k=degree, bc_type="periodic" if cyclic else None)
@@ -108,7 +108,7 @@ def _blossom(t: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def _free_row(basis: BSpline, time: np.ndarray) -> np.ndarray:
-    """Return the equation of a free end: its acceleration continues the polynomial of the next ones."""
+    """Return the equation of a free end: the next accelerations, extrapolated, give its own."""
     count = min(OPTIONS.end_accelerations, len(time) - 3)
     second = basis.derivative(2)
     others = time[1 : count + 1] - time[0]
@@ -205,7 +205,7 @@ def nearest_pair(obstacles: Sequence[Any], nodes: np.ndarray) -> str:
 
 
 def clearances(obstacles: Sequence[Any], nodes: np.ndarray, radius: float) -> np.ndarray:
-    """Return the least distances (time,) [m] of links, capsules of a radius, from obstacles."""
+    """Return the least distances (time,) [m] of links (capsules of this radius) from obstacles."""
     return np.asarray(pair_distances(obstacles, nodes).min(axis=(1, 2)) - radius)
 
 

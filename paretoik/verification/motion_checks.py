@@ -93,7 +93,7 @@ def check_objectives(
 def check_errors(
     run: RunContents, objectives: Any, motion: MeasuredMotion, finer: MeasuredMotion, row: int, *, promised: bool
 ) -> Iterator[Check]:
-    """Check the discretisation errors of objectives: values at samples less those on the curve (``finer``).
+    """Check the discretisation errors of objectives: differences between samples and curve (``finer``).
 
     They must agree with the table and, if ``promised``, be within the tolerance.
     """

@@ -189,7 +189,7 @@ def task_errors(model: ArmModel, targets: Targets, q: np.ndarray, k: int) -> tup
 
 
 def orientation_errors(axes: str, here: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return the rotation vectors (time, 3) [rad] to the target in the frame, or of its z axis only."""
+    """Return rotation vectors (time, 3) [rad] to the target, in the frame; z-axis tasks ignore turns about z."""
     between = here.swapaxes(-1, -2) @ target
     if axes != "xyz+z-axis":
         return np.asarray(Rotation.from_matrix(between).as_rotvec())

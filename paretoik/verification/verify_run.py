@@ -68,7 +68,7 @@ def verify_run(
         rows += _collect(check_tables(run))
         sound = not any(row.verdict == "failed" for row in rows if row.subject in STRUCTURE)
         if not sound:
-            rows.append(leave_out("motions", "the files do not belong together"))
+            rows.append(leave_out("motions", "the files do not match"))
         elif problem is None:
             rows.append(leave_out("motions against the problem", reason or "the problem is not given"))
         else:
@@ -133,7 +133,7 @@ def _check_motions(run: RunContents, problem: Any) -> Iterator[Check]:
         yield demand(
             "objectives' names",
             listed == objectives,
-            f"the problem has {_names(objectives)}, run.json {_names(listed)}",
+            f"the problem has {_names(objectives)}, but run.json {_names(listed)}",
         )
         yield from check_path(task, model)
         for row, number in enumerate(run.ids.tolist()):
@@ -214,9 +214,7 @@ def check_tuning(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Ch
     elif count > 1:
         reason = f"the table has the mean of {count} motions, but one is stored: no objective was computed again"
         yield leave_out("objectives from all starts", reason)
-    yield leave_out(
-        "the method's steps", "the stored motion is not resolved a second time from the method's numbers and its start"
-    )
+    yield leave_out("the method's steps", "the method is not run again from the start of the stored motion")
 
 
 def _has_times(time: np.ndarray, task: Any) -> bool:
@@ -249,7 +247,7 @@ def _check_objectives(
             yield leave_out(subject, f"its function fails here: {first_line(fault)}", point=point)
             continue
         if of_method and function.__name__ not in ("distance", *DEFINITIONS):
-            yield leave_out(subject, "it counts what the method did, which is not in the files", point=point)
+            yield leave_out(subject, "it depends on the method's steps, which are not in the files", point=point)
             continue
         size = objective_size(entry, expected)
         better = (expected - value) * (-1.0 if objective.maximise else 1.0)
@@ -365,7 +363,7 @@ def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
         if not proven:
             yield leave_out("clearance between samples", "a step is too near to an obstacle to be sure", point=point)
     elif task.obstacles:
-        yield leave_out("clearance between samples", "steps have no limit: it is known only at their ends", point=point)
+        yield leave_out("clearance between samples", "steps may be long: it is known only at their ends", point=point)
     velocity = np.diff(q, axis=0) / step
     series = {
         "joint_displacement": (velocity**2).sum(axis=1) + (((q[1:] - q[0]) / step) ** 2).sum(axis=1),
@@ -394,12 +392,14 @@ def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[
         point = int(run.ids[row])
         yield demand("standing still", np.ptp(q, axis=0).max() == 0, "the arm moves", point=point)
         off = float(np.linalg.norm(model.poses(q[:1])[1][0, :size] - problem.position)) / model.length
-        yield judge("position of the tool", off, TOLERANCES.on_path, f"the tool is {off:.3g} lengths off", point=point)
+        yield judge(
+            "position of the tool", off, TOLERANCES.on_path, f"the tool is {off:.3g} arm lengths off", point=point
+        )
         yield _position_limits(model, run.motions["time"][row], q, point)
         for k, direction in enumerate(problem.directions):
             name, subject = run.objectives[k]["name"], f"objective {run.objectives[k]['name']}"
             if not bare or not str(name).startswith("speed"):
-                yield leave_out(subject, "rods, sliders and forces are not modelled a second time", point=point)
+                yield leave_out(subject, "the verifier does not model rods, sliders and forces", point=point)
                 continue
             # the highest speed that motors at the joints allow, by a linear program
             columns = model.jacobian(q[0])[2][: len(direction)]
@@ -425,7 +425,7 @@ def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Ite
         point = int(run.ids[row])
         places = model.poses(q[[0, -1]])[1][:, :size]
         off = float(np.linalg.norm(places - [problem.start, problem.target], axis=1).max()) / model.length
-        yield judge("ends", off, TOLERANCES.on_path, f"an end is {off:.3g} lengths of the arm off", point=point)
+        yield judge("ends", off, TOLERANCES.on_path, f"an end is {off:.3g} arm lengths off", point=point)
         yield _position_limits(model, time, q, point)
         value, duration = float(run.values[row, names.index("duration")]), float(time[-1] - time[0])
         detail = f"the table says {value:.10g} s, but the motion takes {duration:.10g} s"
@@ -444,7 +444,7 @@ def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Ite
             shown = max(excess, 0.0) if np.isfinite(excess) else excess
             yield judge("motors", shown, TOLERANCES.maxima, detail, point=point, worst=place)
         else:
-            yield leave_out("motors", "rods and sliders are not modelled a second time", point=point)
+            yield leave_out("motors", "the verifier does not model rods and sliders", point=point)
         for k, name in enumerate(names):
             if name == "energy" and bare:  # work of the motors, given or taken
                 work, value = float(np.abs(effort * np.diff(q, axis=0)).sum()), float(run.values[row, k])
@@ -454,7 +454,7 @@ def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Ite
                 )
                 yield judge("objective energy", off, TOLERANCES.energies, detail, point=point)
             elif name != "duration":
-                yield leave_out(f"objective {name}", "it is not computed a second time for these motors", point=point)
+                yield leave_out(f"objective {name}", "the verifier does not compute it for these motors", point=point)
 
 
 def check_tool_path(run: RunContents) -> Iterator[Check]:
@@ -492,7 +492,7 @@ def check_polygon(run: RunContents, model: ArmModel | None, reason: str = "") ->
     for k in np.flatnonzero(np.isfinite(values)).tolist():
         _, place, jacobian = model.jacobian(arrays["q"][k])
         off = float(np.linalg.norm(place[:size] - arrays["position"])) / model.length
-        yield judge("position of the tool", off, TOLERANCES.on_path, f"the tool is {off:.3g} lengths off", point=k)
+        yield judge("position of the tool", off, TOLERANCES.on_path, f"the tool is {off:.3g} arm lengths off", point=k)
         if run.entries.get("unit") == "m/s":
             off = float(np.abs(jacobian[:size] @ arrays["dq"][k] - values[k] * directions[k]).max() / abs(values[k]))
             yield judge("values", off, TOLERANCES.maxima, "J dq is not the speed along the direction", point=k)

@@ -91,7 +91,7 @@ def test_limits_are_those_of_the_joints_by_name_in_whatever_order_they_are_writt
         ({"overwrite": 1}, "overwrite must be True or False, got 1"),
         ({"format": "xml"}, "format must be one of csv, parquet, npz, joint-trajectory, ros2-bag, got 'xml'"),
         ({"file": None}, "file must be a path, got None"),
-        ({"file": "swing"}, "swing must end in \.csv"),
+        ({"file": "swing"}, "swing must end in .csv"),
         ({"file": "a\0b.csv"}, r"file must be a path, got 'a\x00b.csv'"),
         ({"file": ".", "format": "csv"}, "export must be a file to write into, got the folder ."),
         (

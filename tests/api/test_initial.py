@@ -34,7 +34,7 @@ def test_motions_are_encoded_as_starts_and_those_that_the_genes_miss_are_warned_
 
 def test_a_front_of_another_problem_without_motions_cannot_be_a_start(problem):
     foreign = solve(ZDT1(n_var=5), population=8, generations=2)
-    with pytest.raises(InvalidInput, match="initial must be a front of this problem or with motions, got neither"):
+    with pytest.raises(InvalidInput, match="initial must be a front of this problem, or one with motions, got neither"):
         solve(problem, **QUICK, initial=foreign)
 
 
