@@ -256,7 +256,7 @@ def real_array(name: str, value: object) -> np.ndarray:
 
 
 def integer_array(name: str, value: object) -> np.ndarray:
-    """Return ``value`` as a new array of integers; raises InvalidInput, with ``name``, for other items."""
+    """Return ``value`` as a new array of integers; raises InvalidInput, with ``name``, unless they are integers."""
     return _array(name, value, "iu", "integers").astype(np.int64)
 
 

@@ -155,10 +155,9 @@ def solve(
     ``refine`` works for ``Tracking``, ``DirectionalMaxima`` and ``PointToPoint``, as ``refine(front)`` does. Every ten
     generations a few iterations of the solver improve the best points of each objective, points at the widest gaps and
     points of every branch; they take up to 30 % of the evaluations. At the end every point is refined to a local
-    optimum. The planner's best points of each objective are added, then points in gaps, up to ``points``;
-    all are certified. The search takes at most
-    half of a ``time_limit``. The time for compilation, once per copy of paretoik, does not count. "sqp" solves convex
-    subproblems by Clarabel.
+    optimum. The planner's best points of each objective are added, then points in gaps, up to ``points``; all are
+    certified. The search takes at most half of a ``time_limit``. The time for compilation, once per copy of paretoik,
+    does not count. "sqp" solves convex subproblems by Clarabel.
 
     On problems with branches the best points of single objectives can lie in basins of their own: by default the
     objectives share half of all generations as ``anchors``. Islands are evaluated together, which gives many

@@ -34,8 +34,8 @@ class JointTrajectoryOptions:
     """Settings of sampling, checking and slowing down.
 
     rounding: share of a limit by which it may be exceeded
-    rest_velocity: share of a joint's velocity limit (without one, of its largest velocity) below which it is at rest
-    rest_acceleration: likewise for acceleration; cubic splines leave about as much at an end without acceleration
+    rest_velocity: share of a joint's velocity limit (else the motion's largest velocity) below which it is at rest
+    rest_acceleration: same for acceleration; cubic splines leave about as much at an end without acceleration
     slowest: largest factor by which a motion is slowed down; a limit still exceeded then is also exceeded at rest
     ramps: ramps [s] that are tried, from short to long
     usual_ramp: ramp [s] that is advised if none of these is enough

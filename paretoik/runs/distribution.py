@@ -29,7 +29,10 @@ from paretoik.stop_flag import check_interruption
 
 
 def pickled(what: str, value: Any) -> bytes:
-    """Return a value as bytes that load without the user's files. Raises InvalidInput, with ``what``."""
+    """Return a value as bytes that load without the user's files.
+
+    Raises InvalidInput, with ``what``, if the value cannot be pickled.
+    """
     by_value = cloudpickle.list_registry_pickle_by_value()
     modules = [module for name, module in sys.modules.copy().items() if _is_users_module(name)]
     added = [module for module in modules if module.__name__ not in by_value]
