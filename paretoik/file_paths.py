@@ -41,7 +41,7 @@ def missing_file(path: Path) -> str:
             missing = missing.parent
         folder, is_folder = missing.parent, missing != path
         if not folder.is_dir():
-            return f"a path through {folder}, which is no folder"
+            return f"a path through {folder}, which is not a folder"
         names = list[str]()
         with suppress(OSError):  # it cannot be read
             names += [each.name for each in folder.iterdir() if each.is_dir() == is_folder]

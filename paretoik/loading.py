@@ -27,7 +27,7 @@ def load_problem(reference: str) -> Any:
     The name may also be a function that the file defines, a function annotated to return a problem, or a problem class:
     it is called without arguments. Nothing else is called. Errors of paretoik pass unchanged.
 
-    Raises InvalidInput if the file, the module or the name is missing, if loading fails, or if the name is no problem.
+    Raises InvalidInput if file, module or name is missing, if loading fails, or if the name is not a problem.
     """
     place, _, name = reference.rpartition(":")
     if not place or not name:

@@ -89,7 +89,7 @@ def directional_maxima(
     Planar arms with three joints are evaluated on every branch of postures, at 360 postures and at each one at which a
     limit becomes active or inactive. Golden sections search from there: one of two maxima within a degree may be
     missed. For other arms an interior-point method maximises over posture, slider positions and speeds, from several of
-    the ``starts``, until the best value was reached often: this is no proof.
+    the ``starts``, until the best value was reached often: this proves nothing.
 
     A speed is possible for an instant: the next posture may not allow it. A slider near a toggle turns its joint fast,
     but only a short way, and each direction has its own posture and slider positions. ``PointToPoint`` also includes

@@ -49,7 +49,7 @@ def report(
     file
         Path of the page; default: report.html in the folder of the run that the front was loaded from or saved into.
     overwrite
-        Whether to replace a file that is no report (default False); a report is always replaced.
+        Whether to replace a file that is not a report (default False); a report is always replaced.
     problem
         Problem of a folder's run or its name, as for ``load_front``.
 

@@ -112,7 +112,7 @@ def select(
 ) -> None:
     """Choose one motion of a front, and keep the choice.
 
-    The reason of the choice is printed. A closed loop is followed again with other weights at every step.
+    The reason of the choice is printed. A closed loop is run again with other weights at every step.
     """
     given = {**locals(), "from": start}
     wishes = {name: given[name] for name in OPTIONS if given[name] is not None and given[name] is not False}

@@ -235,7 +235,7 @@ def check_between(
         row = judge(subject, excess, TOLERANCES.between, detail, point=point, worst=place)
         if not promised and row.verdict == "failed":
             spline = task.differences == "spline"
-            reason = "a point that is no minimum" if spline else f"differences={task.differences!r}"
+            reason = "a point that is not a minimum" if spline else f"differences={task.differences!r}"
             row = replace(row, verdict="noted", detail=f"nothing is promised between samples of {reason}")
         yield row
     if stated is not None:
@@ -261,7 +261,7 @@ def check_between(
         a = np.linalg.norm(np.diff(moves, axis=0), axis=-1).max(initial=0.0) / step.min() ** 2
         bend = a + v**2 / (smallest_size + samples.link_radius)
         if short <= min(np.diff(np.asarray(task.times)).max() ** 2 / 8 * bend, smallest_size / 2):
-            reason = "nothing is promised between samples of a point that is no minimum"
+            reason = "nothing is promised between samples of a point that is not a minimum"
             row = replace(row, verdict="noted", detail=reason)
     yield row
     if not proven:

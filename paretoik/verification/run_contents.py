@@ -248,7 +248,7 @@ def read_contents(folder: Path) -> RunContents:
     table, arrays = dict[str, np.ndarray](), dict[str, dict[str, np.ndarray]]()
     for name, expected in entries["files"].items():
         if name not in RESULTS:
-            checks.append(demand("files", False, f"{RUN} lists {name!r}, which is no file of a result"))
+            checks.append(demand("files", False, f"{RUN} lists {name!r}, which is not a file of a result"))
             continue
         try:
             content = read_plain_file(folder / name)
