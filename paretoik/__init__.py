@@ -11,21 +11,21 @@ from .handed_down import HANDED_DOWN as _HANDED_DOWN
 
 
 def _keep_path(*arguments: Any, **named: Any) -> Any:
-    """Return a tool path, kept in a run folder."""
+    """Compute a tool path, save it in a run folder and return it."""
     from .api.path_run import keep_path
 
     return keep_path(*arguments, **named)
 
 
 def _open_view(*arguments: Any, **named: Any) -> Any:
-    """Return a front in a notebook."""
+    """Return the notebook view of a front."""
     from .review.drawing.front_view import open_view
 
     return open_view(*arguments, **named)
 
 
 def _show_choice(*arguments: Any, **named: Any) -> Any:
-    """Make the recording of a front's run open on the present choice."""
+    """Set a run's recording to open on the front's present choice."""
     from .review.drawing.choice_layer import show_choice_in_recording
 
     return show_choice_in_recording(*arguments, **named)

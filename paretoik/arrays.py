@@ -1,4 +1,4 @@
-"""Array shapes, each with one name, and read-only arrays.
+"""Names of array shapes, and read-only arrays.
 
 The batch comes first: ``*batch`` is any number of leading axes, possibly zero. ``time`` counts samples, ``dof``
 joints, ``points`` the members of a front. ``Inexact`` shapes are real or complex: the robot kernels run on both.

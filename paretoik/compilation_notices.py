@@ -1,6 +1,6 @@
-"""Notices of compilations and how long they take. Observers need no numba.
+"""Notices of compilations, with their times. Code that observes them need not import numba.
 
-The clock of time limits stops during compilation: code is compiled once, but a limit holds for any run.
+The clock of time limits stops during compilation, so that a first run has as much time as later ones.
 """
 
 from __future__ import annotations
@@ -14,7 +14,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class CompilationNotice:
-    """A compilation: its purpose, and its estimated time [s], None if unknown."""
+    """Notice of a compilation.
+
+    what: code that is compiled
+    seconds: estimated time [s], None if unknown
+    """
 
     what: str
     seconds: float | None = None
@@ -38,7 +42,7 @@ def print_line(text: object) -> None:
 _OBSERVERS: list[Observer] = [print_line]
 _LISTENERS: list[Listener] = []
 _TIME: list[tuple[float, float | None]] = [(0.0, None)]
-"""Seconds of finished compilations, and the start of the present one: one pair, as other threads read both."""
+"""Seconds of finished compilations, and start of the present one or None, as one pair that other threads can read."""
 
 
 @contextmanager
@@ -62,7 +66,7 @@ def list_compiled(listener: Listener) -> Iterator[None]:
 
 
 def begin_compilation(notice: CompilationNotice | None = None) -> None:
-    """Stop the clock, unless a compilation is under way; tell the last observer if it takes long."""
+    """Stop the clock if it runs; notify the last observer if the compilation takes long."""
     seconds, since = _TIME[0]
     if since is None:
         _TIME[0] = seconds, time.monotonic()
@@ -71,7 +75,7 @@ def begin_compilation(notice: CompilationNotice | None = None) -> None:
 
 
 def end_compilation(what: str = "") -> None:
-    """Restart the clock after a compilation; report ``what`` was compiled."""
+    """Restart the clock after a compilation; tell listeners ``what`` was compiled, and its time."""
     seconds, since = _TIME[0]
     if since is None:
         return

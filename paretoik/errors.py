@@ -54,7 +54,10 @@ def warn_user(text: str) -> None:
 
 
 class ParetoikError(Exception):
-    """Base of every error that paretoik raises on purpose; ``partial``: result of the verb so far, if any."""
+    """Base of every error that paretoik raises on purpose.
+
+    partial: result of the verb so far, or None
+    """
 
     partial: object = None
 
@@ -72,7 +75,7 @@ class InvalidInput(ParetoikError, ValueError):  # noqa: N818  the name says what
 
 
 class InvalidRobot(InvalidInput):
-    """A robot description with ``faults``; the message has the first 100."""
+    """A robot description has ``faults``; the message lists the first 100."""
 
     def __init__(self, source: str, faults: Sequence[str]) -> None:
         self.source = source
@@ -95,7 +98,7 @@ class OutOfReach(InvalidInput):
 
 
 class InvalidRun(InvalidInput):
-    """A run folder that is damaged, of another version, or none."""
+    """A folder that is not a run, or a run that is damaged or of another version."""
 
 
 class Infeasible(ParetoikError):  # noqa: N818

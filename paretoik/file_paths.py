@@ -1,4 +1,4 @@
-"""Paths and commands in messages: a missing part, a shell command."""
+"""Paths and commands in messages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from paretoik.inputs import likely_spelling
 def shell_command(*words: str | PurePath) -> str:
     """Return a command in one line, quoted for POSIX shells.
 
-    A path is never read as an option. Control characters are written as escapes, so such a command names no file.
+    A path is never read as an option. Control characters are escaped: a path that has them is shown, but not found.
 
     >>> print(shell_command("paretoik", "show", PurePath("-x y")))
     paretoik show './-x y'
@@ -41,7 +41,7 @@ def missing_file(path: Path) -> str:
             missing = missing.parent
         folder, is_folder = missing.parent, missing != path
         if not folder.is_dir():
-            return f"a path through {folder}, which is no folder"
+            return f"a path through {folder}, which is not a folder"
         names = list[str]()
         with suppress(OSError):  # it cannot be read
             names += [each.name for each in folder.iterdir() if each.is_dir() == is_folder]
@@ -50,7 +50,7 @@ def missing_file(path: Path) -> str:
         near = [name for name in names if get_close_matches(missing.stem, [Path(name).stem])]
         return f"{what}{place}{likely_spelling(missing.name, near)}"
     except (OSError, ValueError) as fault:  # the path is too long, not readable, or has invalid characters
-        return f"a path that cannot be followed, {getattr(fault, 'strerror', None) or fault}"
+        return f"a path that cannot be followed: {getattr(fault, 'strerror', None) or fault}"
     kind = "a folder" if path.is_dir() else "something else"
     if path.is_symlink():
         return f"a link to {kind}" if path.is_dir() else "a link" if path.exists() else "a link that leads to nothing"

@@ -1,6 +1,4 @@
-"""Functions of higher packages for lower ones; ``paretoik`` sets them.
-
-Lower packages cannot import higher ones.
+"""Functions of higher packages that lower ones call but cannot import; ``paretoik`` sets them.
 
 keep_path: saves a tool path in a run folder
 open_view, show_choice: show a front in a notebook, and its present choice in the recording of its run

@@ -1,6 +1,6 @@
 """Checks of user input. Each error is one line with a name.
 
-Constructors and verbs read numbers, sizes, arrays, text, names, paths, flags and functions by these checks. ``shown``
+Constructors and verbs read numbers, sizes, arrays, text, names, paths, flags and functions with these checks. ``shown``
 returns the text of a refused value, of any class, for a message.
 """
 
@@ -32,11 +32,11 @@ from paretoik.errors import EvaluationFailed, InvalidInput, ParetoikError, warn_
 
 @dataclass(frozen=True, kw_only=True)
 class CallLimitOptions:
-    """Times and counts by which calls of users' functions are ended."""
+    """Limits of calls of users' functions."""
 
     grace: float = 1.0  # s: least time for each call, even after the time limit of the verb
     loading: float = 10.0  # s: least time for building a problem, which imports libraries
-    allowed: int = 3  # calls that may time out while a problem is built
+    allowed: int = 3  # number of calls that may time out while a problem is built
     longest: float = 3600.0  # s: longest wait of a timer
     interval: float = 0.1  # s: time between two attempts to end a call, if its code catches the first one
 
@@ -45,7 +45,10 @@ CALLS = CallLimitOptions()
 
 
 def function_name(function: Callable[..., Any], nameless: str = "lambda") -> str:
-    """Return a function's name: the wrapped one's for a partial, the class's for a callable, or ``nameless``."""
+    """Return the name of a function, of a partial's function, or of a callable object's class.
+
+    nameless: name of a lambda
+    """
     while isinstance(function, partial):
         function = function.func
     name = str(attribute_of(function, "__name__", type(function).__name__))
@@ -54,7 +57,7 @@ def function_name(function: Callable[..., Any], nameless: str = "lambda") -> str
 
 @contextmanager
 def user_function(name: str, failure: type[ParetoikError] = EvaluationFailed) -> Iterator[None]:
-    """Raise errors of the body, a user's function, as ``failure``, with ``name`` and the cause.
+    """Turn errors of a user's function, the body, into ``failure``, with ``name`` and cause.
 
     Errors of paretoik and Ctrl-C pass unchanged; sys.exit and all other errors become a ``failure``.
     """
@@ -70,8 +73,8 @@ def user_function(name: str, failure: type[ParetoikError] = EvaluationFailed) ->
 class CallLimit:
     """A limit on each call of a user's function.
 
-    left: function of the seconds that a call has lasted, and whether it loads a problem; returns the seconds left
-    failure: function of the call's name; returns the error that ends the call
+    left: function (seconds that a call has lasted, whether it loads a problem) that returns the seconds left
+    failure: function (name of the call) that returns the error to end it with
     ends_verb: whether the error ends the running verb, not only the call
     """
 
@@ -101,7 +104,7 @@ def limited_calls(limit: CallLimit) -> Iterator[None]:
 
 
 def end_late_verb(name: str, lasted: float) -> None:
-    """Raise the verb's failure if a call elsewhere, as in a worker, lasted too long [s]."""
+    """Raise the verb's failure if a call in another process has ``lasted`` too long [s]."""
     for limit in _LIMITS:
         if limit.ends_verb and limit.left(lasted, False) <= 0:
             raise limit.failure(name)
@@ -109,10 +112,12 @@ def end_late_verb(name: str, lasted: float) -> None:
 
 @contextmanager
 def limited_call(name: str, *, loads: bool = False) -> Iterator[None]:
-    """End the body, a call of a user's function or the loading of a problem (``loads``), when a limit is reached.
+    """End the body when a limit on users' code is reached, by raising the limit's failure.
 
-    Only Python code in the main thread can be ended, and waiting calls such as ``time.sleep``. Compiled code that does
-    not return is ended only in a worker. Raises the limit's failure.
+    loads: whether it loads a problem, instead of calling a function
+
+    Only Python code in the main thread, including ``time.sleep``, can be ended. Compiled code that does not return is
+    ended only in a worker.
     """
     if not _LIMITS or threading.current_thread() is not threading.main_thread():
         yield
@@ -140,7 +145,7 @@ def limited_call(name: str, *, loads: bool = False) -> Iterator[None]:
 
 
 def attribute_of(value: object, name: str, default: object = None) -> Any:
-    """Return an attribute of a user's object; the default if it has none or raises."""
+    """Return an attribute of a user's object; ``default`` if it has none or reading it fails."""
     try:
         return getattr(value, name, default)
     except BaseException:  # a user's object may raise anything
@@ -158,14 +163,15 @@ def cause_of(error: BaseException, where: str = "") -> str:
 
 
 def first_line(fault: BaseException) -> str:
-    """Return the first line of an error's text, else its type."""
+    """Return the first line of an error's text, or its type if it has no text."""
     return (str(fault).splitlines() or [type(fault).__name__])[0]
 
 
 def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Objectives) -> None:
     """Warn of objectives that are constant, random, or duplicates.
 
-    ``values`` are in the user's own sign. ``again`` are values for the first arguments, computed a second time.
+    values: objectives in the user's own sign
+    again: objectives of the first arguments, computed a second time
     """
     rounding = 1e-6  # relative difference tolerated between two computations of a value, as in another batch
     for place, (name, column, repeated) in enumerate(zip(names, values.T, again.T, strict=True)):
@@ -174,16 +180,16 @@ def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Obje
         finite = column[np.isfinite(column)]
         whole = np.isfinite(values).all(axis=1)
         if differ.any():
-            text = f"must have one value for one argument, got {first[differ][0]:.6g} and then "
+            text = f"must have the same value for the same argument, got {first[differ][0]:.6g} and then "
             text += f"{repeated[differ][0]:.6g}: results that use it are random"
         elif len(finite) > 1 and np.ptp(finite) == 0:
-            text = f"must vary, got {finite[0]:.6g} for each of the first {len(finite)}: it may be constant"
+            text = f"must vary, got {finite[0]:.6g} for each of the first {len(finite)} arguments: it may be constant"
         elif whole.sum() > 1:
             same = np.isclose(values[whole, :place], column[whole, None], rtol=rounding, atol=0).all(axis=0)
             if not same.any():
                 continue
-            text = f"must have other values than {names[int(same.argmax())]}, got the same for each of the first "
-            text += f"{whole.sum()}: it may be a duplicate"
+            text = f"must differ from {names[int(same.argmax())]}, got the same values for each of the first "
+            text += f"{whole.sum()} arguments: it may be a duplicate"
         else:
             continue
         warn_user(f"objective {name} {text}")
@@ -204,11 +210,11 @@ class InputOptions:
 
     largest_count: largest count that fits into memory
     largest_seed: largest seed; NumPy itself draws seeds of this size
-    largest_quantity: largest quantity in SI units, so that squares are finite; its inverse is the least positive one
-    shown: most characters of a text in a message
-    items: most items of a list in a message
-    longest_name: most bytes of a file name
-    turned: angle [rad] of two turns; larger angles are probably degrees, as no commercial robot's joint turns farther
+    largest_quantity: largest quantity in SI units, with a finite square; its inverse is the smallest positive one
+    shown: maximum number of characters of a text in a message
+    items: maximum number of items of a list in a message
+    longest_name: maximum number of bytes of a file name
+    turned: two turns [rad]; larger angles are probably degrees, as no commercial robot's joint turns farther
     largest_angle: largest angle [rad] that floats resolve to 1e-9 rad
     """
 
@@ -245,12 +251,12 @@ def listed(names: Iterable[str]) -> str:
 
 
 def real_array(name: str, value: object) -> np.ndarray:
-    """Return ``value`` as a new float array; raises InvalidInput, with ``name``, unless it has real numbers."""
+    """Return ``value`` as a new float array; raises InvalidInput, with ``name``, unless its items are real."""
     return _array(name, value, "iuf", "real numbers").astype(float)
 
 
 def integer_array(name: str, value: object) -> np.ndarray:
-    """Return ``value`` as a new array of integers; raises InvalidInput, with ``name``, unless it has integers."""
+    """Return ``value`` as a new array of integers; raises InvalidInput, with ``name``, unless they are integers."""
     return _array(name, value, "iu", "integers").astype(np.int64)
 
 
@@ -260,7 +266,7 @@ def _array(name: str, value: object, kinds: str, wish: str) -> np.ndarray:
     except ValueError:
         raise InvalidInput(f"{name}: must be an array of numbers, got rows of different lengths") from None
     except Exception as error:  # another library's array may raise any error
-        raise InvalidInput(f"{name}: must be an array of numbers, got {cause_of(error)}") from None
+        raise InvalidInput(f"{name}: must be an array of numbers; reading it raised {cause_of(error)}") from None
     if array.dtype.kind not in kinds and array.size + (array.dtype.kind != "f") > 0:  # an empty list has floats
         kind = "text" if array.dtype.kind in "US" else array.dtype
         raise InvalidInput(f"{name}: must contain {wish}, got {kind}")
@@ -283,7 +289,7 @@ def finite_array(name: str, value: object, shape: tuple[int, ...] | None = None)
 
 
 def real_number(name: str, value: object) -> float:
-    """Return ``value`` as a float; raises InvalidInput unless it is one number: infinite is valid, NaN is not."""
+    """Return ``value`` as a float; raises InvalidInput unless it is one number; NaN is invalid, inf is valid."""
     array = real_array(name, value)
     if array.shape != () or np.isnan(array):
         fact = f"shape {array.shape}" if array.shape else "nan"
@@ -322,23 +328,23 @@ def check_magnitude(name: str, values: ArrayLike, unit: str, *, positive: bool =
 
 
 def check_size(name: str, size: object, minimum: int) -> None:
-    """Raise InvalidInput unless ``size`` is an integer from ``minimum`` on that memory can hold."""
+    """Raise InvalidInput unless ``size`` is an integer from ``minimum`` to the largest that fits into memory."""
     _check_integer(name, size, minimum, OPTIONS.largest_count)
 
 
 def check_count(name: str, count: object) -> None:
-    """Raise InvalidInput unless ``count`` is a positive integer, or None for an open count."""
+    """Raise InvalidInput unless ``count`` is a positive integer or None."""
     if count is not None:
         check_size(name, count, 1)
 
 
 def check_seed(name: str, seed: object) -> None:
-    """Raise InvalidInput unless ``seed`` is an integer ≥ 0 within 128 bits."""
+    """Raise InvalidInput unless ``seed`` is an integer from 0 to 2¹²⁸ − 1."""
     _check_integer(name, seed, 0, OPTIONS.largest_seed)
 
 
 def is_integer(value: object) -> TypeGuard[SupportsInt]:
-    """Return whether a value is an integer of Python or NumPy (not a truth value)."""
+    """Return whether a value is an integer of Python or NumPy (not a bool)."""
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
@@ -350,7 +356,7 @@ def _check_integer(name: str, value: object, minimum: int, maximum: int) -> None
 
 
 def likely_spelling(name: object, names: Iterable[str]) -> str:
-    """Return a question that suggests the name spelled most like ``name``, or ""."""
+    """Return a question that suggests the name most similar to ``name``; "" if none is similar."""
     near = get_close_matches(name, list(names), n=1) if isinstance(name, str) else []
     return f"; did you mean {near[0]!r}?" if near else ""
 
@@ -361,7 +367,7 @@ def degrees_hint(angles: ArrayLike) -> str:
     largest = float(np.max(sizes[np.isfinite(sizes)], initial=0.0))
     if largest <= OPTIONS.turned:
         return ""
-    return f"{largest:g} rad is {largest / (2 * np.pi):.3g} turns; of degrees, np.deg2rad makes radians"
+    return f"{largest:g} rad is {largest / (2 * np.pi):.3g} turns; if it is in degrees, convert it by np.deg2rad"
 
 
 def check_angles(name: str, angles: ArrayLike) -> None:
@@ -404,7 +410,7 @@ def check_text(name: str, value: object) -> None:
 
 
 def check_choice(name: str, value: object, choices: Iterable[object]) -> None:
-    """Raise InvalidInput unless ``value`` equals one of ``choices``, in type too."""
+    """Raise InvalidInput unless ``value`` equals one of ``choices`` and has its type."""
     offered = tuple(choices)
     if not any(type(value) is type(each) and value == each for each in offered):
         words = ", ".join(map(str, offered))

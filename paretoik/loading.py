@@ -1,4 +1,4 @@
-"""Opens a user's problem: 'problems/tringali_2020.py:energy_torque' → the object."""
+"""Loads a user's problem from its name, such as 'problems/tringali_2020.py:energy_torque'."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from paretoik.inputs import attribute_of, cause_of, is_integer, likely_spelling,
 def load_problem(reference: str) -> Any:
     """Return the problem of ``file.py:name`` or ``package.module:name``.
 
-    A problem is a pymoo problem or a closed loop. The package of a file is made of the folders above it that have an
-    ``__init__.py``. The folder with this package, or the current folder for a module, is *last* on sys.path, so that
-    none of its files replaces a module of Python or of a library.
+    A problem is a pymoo problem or a closed loop. The folders above a file that have an ``__init__.py`` are its
+    packages. The folder of the outermost package, or the current folder for a module, comes *last* on sys.path, so that
+    its files replace no module of Python or of a library.
 
-    A name that is not a problem is called without arguments if it is a function that the file defines, a function
-    annotated to return a problem, or a problem class. Errors of paretoik pass unchanged. Nothing else is called.
+    The name may also be a function that the file defines, a function annotated to return a problem, or a problem class:
+    it is called without arguments. Nothing else is called. Errors of paretoik pass unchanged.
 
-    Raises InvalidInput if the file, the module or the name is missing, if loading fails, or if the name is no problem.
+    Raises InvalidInput if file, module or name is missing, if loading fails, or if the name is not a problem.
     """
     place, _, name = reference.rpartition(":")
     if not place or not name:
@@ -42,11 +42,7 @@ def load_problem(reference: str) -> Any:
         offered, others = _offers(module)
         names = [listed(offered)] if offered else []
         names += [f"perhaps {listed(others)} (no return annotation)"] if others else []
-        wish = (
-            f"one that {place} has, {', '.join(names)}"
-            if names
-            else f"a problem or function of {place}, which has none"
-        )
+        wish = f"one of {place}'s: {', '.join(names)}" if names else f"a problem or function in {place}, which has none"
         hint = likely_spelling(name, [*offered, *others])
         raise InvalidInput(f"problem {reference!r} must be {wish}, got {shown(name)}{hint}")
     problem = value
@@ -64,7 +60,7 @@ def load_problem(reference: str) -> Any:
             raise
         except BaseException as error:  # a user's function may raise anything
             summary = _summary(error, getattr(module, "__file__", None))
-            raise InvalidInput(f"problem {reference!r} must be built without error, got {summary}") from error
+            raise InvalidInput(f"problem {reference!r} cannot be built: {summary}") from error
     if not _is_problem(problem):
         imported = function is not None and problem is value
         hint = "; a function from another module must say that it returns a problem: def f() -> pk.Tracking" * imported
@@ -84,17 +80,17 @@ def load_value(what: str, reference: str) -> Any:
     if not hasattr(module, name):
         names = [each for each in vars(module) if not each.startswith("_")]
         raise InvalidInput(
-            f"{what} {reference!r} must be a name of {place}, got {shown(name)}{likely_spelling(name, names)}"
+            f"{what} {reference!r} must be a name in {place}, got {shown(name)}{likely_spelling(name, names)}"
         )
     return getattr(module, name)
 
 
 def problems_in(place: str) -> tuple[dict[str, str], list[str]]:
-    """Return the problems of a module or file, with the first line of their documentation, and other names.
+    """Return a module's problems, with the first line of their documentation, and names of possible problems.
 
-    A problem is a pymoo problem, or a function without required arguments that is annotated to return one. The other
-    names are those of functions without required arguments and annotation, which may make problems. Raises InvalidInput
-    if the module cannot be loaded.
+    A problem is a pymoo problem, or a function without required arguments that is annotated to return one. A possible
+    problem is a function without required arguments and without annotation. Raises InvalidInput if the module cannot be
+    loaded.
     """
     offered, silent = _offers(_import_module(place))
     return {name: (inspect.getdoc(value) or "").partition("\n")[0] for name, value in offered.items()}, silent
@@ -127,12 +123,12 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
         if dotted == missing or dotted.startswith(f"{missing}."):
             hint = likely_spelling(missing, [file.stem for file in root.glob("*.py")])
             raise InvalidInput(
-                f"module {shown(dotted)} must be FILE.py or a module, got no module {shown(missing)}{hint}"
+                f"module {shown(dotted)} must be FILE.py or an importable module, got no module {shown(missing)}{hint}"
             ) from error
-        raise InvalidInput(f"{what} file {place} must load, got no module {missing!r} installed") from error
+        raise InvalidInput(f"{what} file {place} cannot be loaded: module {missing!r} is not installed") from error
     except BaseException as error:  # a user's file may raise anything
         file = str(path.resolve()) if path.suffix == ".py" else None
-        raise InvalidInput(f"{what} file {place} must load, got {_summary(error, file)}") from error
+        raise InvalidInput(f"{what} file {place} cannot be loaded: {_summary(error, file)}") from error
 
 
 def _import_package(root: Path, name: str) -> None:
@@ -140,12 +136,12 @@ def _import_package(root: Path, name: str) -> None:
     folder, file = root / name, root / f"{name}.py"
     source, places = (folder / "__init__.py", [str(folder)]) if (folder / "__init__.py").is_file() else (file, None)
     if name in sys.stdlib_module_names:
-        raise InvalidInput(f"{source} must have a name that no module of Python has, got {name!r}; rename yours")
+        raise InvalidInput(f"{source} must not have the name of a Python module, got {name!r}; rename it")
     if name in sys.modules:
         imported = getattr(sys.modules[name], "__file__", None)
         if imported is None or Path(imported).resolve() != source:
             raise InvalidInput(
-                f"package {name!r} must be the one in {root}, got one already imported from "
+                f"package {name!r} in {root} must have a unique name, got one already imported from "
                 f"{imported or 'elsewhere'}; rename yours"
             )
         return
@@ -161,7 +157,7 @@ def _import_package(root: Path, name: str) -> None:
 
 
 def _offers(module: ModuleType) -> tuple[dict[str, Any], list[str]]:
-    """Return a module's problems by name, and names of functions that may make problems, as in ``problems_in``."""
+    """Return a module's problems by name, and names of possible problems, as ``problems_in`` does."""
     offered, silent = dict[str, Any](), list[str]()
     for name, value in vars(module).items():
         if name.startswith("_"):
@@ -209,7 +205,7 @@ def _is_problem(value: object) -> bool:
 
 
 def _summary(error: BaseException, file: str | None) -> str:
-    """Return an error in one line. It includes the last line of ``file`` in the error's traceback."""
+    """Return an error in one line, with the number of the last line of ``file`` in its traceback."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
     where = f" in line {lines[-1]}" if lines else ""
     return cause_of(error, where)

@@ -22,7 +22,7 @@ class RunProgress:
 
         stage: name of the counted items, or of a stage without counts (see below)
         done: number of items done
-        total: most items to do, 0 for a stage without counts
+        total: maximum number of items, 0 for a stage without counts
         seconds: time since the stage began [s], without compilation
         remaining: estimated time until the verb ends [s], None if unknown
         summary: state so far in words; the objective in the stage "optimum"
@@ -107,9 +107,11 @@ def count_observer(
 ) -> Callable[..., object] | None:
     """Return a function (done, total, summary="") that shows counts to an observer.
 
-    None without an observer. If all items of the stage take about the same time (``uniform``), the observer also gets
-    an estimate of the remaining time: of this stage, and of the stages ``following``, which take ``later()`` seconds
-    for each of ``total``.
+    None without an observer.
+
+    later: function that returns the seconds of the following stages per item
+    uniform: whether items take about the same time; then the remaining time is estimated
+    then, following: next stages, as in ``RunProgress``
     """
     if observe is None:
         return None
@@ -141,10 +143,12 @@ def count_observer(
 def open_observer(observe: Observer | bool | None, *, time_limit: float | None = None) -> Iterator[Observer | None]:
     """Yield the observer of a verb; it is also told of compilations.
 
-    By default this is a bar if stderr is a terminal, else one line per minute after the first minute. True: the same
-    bar, or else lines at once. False: no observer. If an observer raises, the verb is asked to stop, as by a signal, so
-    that its result is kept; at the end of the body InvalidInput names the observer. Raises InvalidInput for an observer
-    that cannot be called.
+    - None: a bar if stderr is a terminal, else one line per minute after the first minute
+    - True: a bar if stderr is a terminal, else lines at once
+    - False: no observer
+
+    If an observer raises, the verb is asked to stop, as by a signal, and keeps its result; InvalidInput at the end of
+    the body names the observer. Raises InvalidInput for an observer that cannot be called.
     """
     shown: Observer | None
     with ExitStack() as stack:
@@ -244,8 +248,8 @@ class _LinePrinter:
 def progress_text(progress: RunProgress, time_limit: float | None = None) -> str:
     """Return progress as one line: counts, state, and remaining time.
 
-    For a search or loop the time left is an upper bound from the part that is done. Otherwise it is the estimate of the
-    verb, or the time so far without an estimate. When a stage is done, the time left is that of the following stages.
+    For a search or loop the time left is an upper bound. Otherwise it is the verb's estimate; without an estimate, the
+    time so far is shown. When a stage is done, the time of the following stages is shown.
 
     >>> from paretoik.progress import RunProgress
     >>> progress_text(RunProgress(stage="step", done=3, total=12, seconds=60.0, summary="front 9"))

@@ -17,12 +17,12 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, kw_only=True)
 class ScreenOptions:
-    """Sizes of an item's text.
+    """Maximum sizes of an item's text.
 
-    lines: most lines
-    width: most characters of a line
-    value: most characters of a field
-    numbers: most numbers of an array; a longer array is shown by its range
+    lines: number of lines
+    width: characters of a line
+    value: characters of a field
+    numbers: numbers of an array; a longer array is shown by its range
     """
 
     lines: int = 25
@@ -65,12 +65,12 @@ def html_text(text: str) -> str:
 
 
 def html_representation(item: object) -> str:
-    """Return an item's text as a notebook shows it."""
+    """Return an item's text as HTML for a notebook."""
     return html_text(repr(item))
 
 
 def represented(kind: type[Item]) -> type[Item]:
-    """Return a dataclass whose text is that of its fields, in notebooks too."""
+    """Give a dataclass a text that lists its fields, in notebooks too; return it."""
     kind.__repr__ = field_representation  # type: ignore[method-assign]
     kind._repr_html_ = html_representation  # type: ignore[attr-defined]
     return kind
@@ -92,7 +92,7 @@ def fit_screen(text: str) -> str:
 
 
 def wrap_text(text: str, width: int) -> str:
-    """Return text with longer lines wrapped between words; their further parts begin below the second column."""
+    """Return text with lines wrapped to ``width``; continuation lines begin below the second column."""
     lines = list[str]()
     for line in text.splitlines():
         if len(line) <= width:
@@ -107,7 +107,7 @@ def wrap_text(text: str, width: int) -> str:
 def field_representation(item: Any) -> str:
     """Return a dataclass or named tuple as text that fits a screen.
 
-    Fields with their default are left out, and long arrays are shown by their shapes.
+    Fields that have their default value are left out, and long arrays are shown by their shapes.
 
     >>> from paretoik.capability import MotorCurve
     >>> MotorCurve(stall=[1.0, 2.0], fastest=[3.0, 4.0])

@@ -29,10 +29,10 @@ def folder(tmp_path):
     [
         ("amr.urdf", "no such file; did you mean 'arm.urdf'?"),
         ("runs/frist/run.json", "no folder {}/runs/frist; did you mean 'first'?"),
-        ("arm.urdf/run.json", "a path through {}/arm.urdf, which is no folder"),
+        ("arm.urdf/run.json", "a path through {}/arm.urdf, which is not a folder"),
         ("runs", "a folder"),
         ("lost", "a link that leads to nothing"),
-        ("x" * 300, "a path that cannot be followed, File name too long"),
+        ("x" * 300, "a path that cannot be followed: File name too long"),
         ("pipe", "something else"),
     ],
 )

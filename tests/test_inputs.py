@@ -58,7 +58,7 @@ def test_a_number_that_is_not_positive_is_refused_with_its_unit():
 
 def test_angles_of_more_than_two_turns_are_taken_for_degrees():
     assert degrees_hint([2 * np.pi, -4 * np.pi, np.inf]) == ""
-    assert degrees_hint([0.1, -90.0]).startswith("90 rad is 14.3 turns; of degrees, np.deg2rad")
+    assert degrees_hint([0.1, -90.0]).startswith("90 rad is 14.3 turns; if it is in degrees, convert it by np.deg2rad")
     with pytest.warns(RuntimeWarning, match=r"pose rpy: 180 rad is 28.6 turns"):
         Pose.from_rpy([0.0, 0.0, 0.0], [180.0, 0.0, 0.0])
 
@@ -133,7 +133,7 @@ def test_an_objective_with_the_values_of_another_is_said_to_be_a_duplicate_of_th
     F = np.random.default_rng(0).normal(size=(8, 3))
     F[:, 2] = F[:, 0] * again
     F[3] = np.nan  # failed
-    words = "^objective c must have other values than a, got the same for each of the first 7"
+    words = "^objective c must differ from a, got the same values for each of the first 7"
     with pytest.warns(RuntimeWarning, match=words) as told:
         warn_of_odd_objectives(["a", "b", "c"], F, F)
     assert len(told) == 1

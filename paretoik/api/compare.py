@@ -21,12 +21,12 @@ def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) ->
     fronts
         Two or more fronts, or folders of runs.
     labels
-        One label per front: by default names of folders, or "front 1", "front 2", ... Equal labels mark one method.
+        One label per front: by default names of folders, or "front 1", "front 2", ... Equal labels: one method.
 
     Returns
     -------
     Comparison
-        Measures of the fronts, printed as tables; ``.merged`` is all of them as one front.
+        Measures of the fronts, printed as tables; ``.merged`` is one front of all points.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) ->
     >>> print(repr(pk.compare(a, b)))
     Comparison of 2 fronts, hypervolume front 1 0.3865, front 2 0.8466 of the merged front's
     """
-    named = None if labels is None else list(read_list("labels", labels, str, "a list of them"))
+    named = None if labels is None else list(read_list("labels", labels, str, "a list of labels"))
     loaded = [front if isinstance(front, Front) else Front.load(file_path("fronts", front)) for front in fronts]
     for place, front in enumerate(loaded):  # tables have the entry "computed" in words
         if "computed" in front.provenance:

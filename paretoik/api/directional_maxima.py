@@ -39,20 +39,20 @@ def directional_maxima(
     """Return the highest speeds or forces of a tool per direction.
 
     Speeds are those at which the motors can also hold the arm against gravity (quasi-static). Forces are those that the
-    tool can exert at rest, in postures that can be held without them.
+    tool can exert at rest, in postures that the motors can hold without the force.
 
     Parameters
     ----------
     arm
-        Arm with gravity as it is mounted.
+        Arm, whose gravity must point as the arm is mounted.
     actuation
         Motors of the arm.
     position
         Position of the tool [m]: (2,) for planar arms, else (3,).
     directions
-        Number (default 16), evenly around from the x axis (Eq. 2) or over the sphere; or vectors (directions, task).
+        Number (default 16), evenly spaced from the x axis (Eq. 2) or over the sphere; or vectors (directions, task).
     quantity
-        Quantity: "velocity" (default) or "force".
+        Quantity to maximise: "velocity" (default) or "force".
     starts
         Number of start postures (default 20 000), more if few can be held; unused for planar arms with three joints.
     seed
@@ -67,7 +67,7 @@ def directional_maxima(
     Returns
     -------
     PerformancePolygon
-        Maximum of each direction, with its posture, torques, motors and sliders.
+        Maximum of each direction, with its posture, torques, motors and slider positions.
 
     Raises
     ------
@@ -78,20 +78,22 @@ def directional_maxima(
     SolverFailed
         If no posture was found that reaches the position.
     Infeasible
-        If none found can be held: names the best one's joint, torque and what its motor can hold, or the rod's angle.
+        If no posture found can be held; names the best one's joint, torque and motor limit, or the rod's angle.
 
     Notes
     -----
-    For a posture with its sliders both are exact: a closed form, the facet of a zonotope (a linear program gives the
-    same). Sliders are searched in the stretches that can bear their load: in 12 pieces each, and by golden sections.
+    For one posture with its slider positions both maxima are exact: a closed form, the facet of a zonotope (a linear
+    program gives the same). Slider positions are searched in the intervals that can bear the load: in 12 pieces each,
+    then by golden sections.
 
-    Postures of planar arms with three joints are evaluated on every branch, all around, at 360 places on each curve and
-    at each place where a limit becomes active or inactive. Golden sections search from there: one of two maxima within
-    a degree may be missed. Other arms ascend from several of ``starts`` postures, over posture, sliders and speeds at
-    once, by interior points, until the best value was reached often: this is no proof.
+    Planar arms with three joints are evaluated on every branch of postures, at 360 postures and at each one at which a
+    limit becomes active or inactive. Golden sections search from there: one of two maxima within a degree may be
+    missed. For other arms an interior-point method maximises over posture, slider positions and speeds, from several of
+    the ``starts``, until the best value was reached often: this proves nothing.
 
-    Speeds hold for an instant: the next posture may not allow them. Sliders near a toggle turn joints fast for a short
-    way, and each direction has its own posture and gears. ``PointToPoint`` also counts the way there.
+    A speed is possible for an instant: the next posture may not allow it. A slider near a toggle turns its joint fast,
+    but only a short way, and each direction has its own posture and slider positions. ``PointToPoint`` also includes
+    the motion to get there.
 
     In review.rrd the polygon grows direction by direction, with the arm in each maximising posture.
 

@@ -54,21 +54,21 @@ def epsilon_front(
     problem
         ``Tracking`` with two or more integral objectives, ``DirectionalMaxima`` or ``PointToPoint``.
     points
-        Most points, spread over the front (default 20); the best of every objective are always among them.
+        Maximum number of points, spread over the front (default 20); each objective's best is always included.
     starts
-        Number of starts for each objective's own optima: by default as for ``plan``, without a path 48.
+        Number of starts per objective for its own optima; default: as for ``plan``, or 48 without a path.
     seed
         Seed of all random numbers (default 0).
     initial
-        Further starts: motions on the path, genes, or a front. No feasible one dominates a point of the result.
+        Further starts: motions on the path, genes, or a front; no feasible one dominates a point of the result.
     solver
-        Solver: "interior-point" for smooth functions, "sqp" (Clarabel) for any; "auto" (default): the first if it can.
+        Solver: "interior-point" (smooth functions), "sqp" (any, by Clarabel); "auto" (default): the first if possible.
     out
         Folder for the run (default: none): run.json, front.parquet, motions.npz, review.rrd and pictures.
     time_limit
-        Seconds of computing, as for ``solve``, after which the sweep ends and keeps its points (default: no limit).
+        Computing time [s], as for ``solve``, after which the sweep ends and keeps its points (default: no limit).
     workers
-        Number of processes, as for ``solve``: for starts, levels of ε known in advance, and certificates.
+        Number of processes, as for ``solve``, that compute starts, levels of ε known in advance, and certificates.
     cluster
         Address of a Dask scheduler in place of ``workers``, as for ``solve``.
     overwrite
@@ -90,15 +90,15 @@ def epsilon_front(
     OutOfReach
         If the path leaves the reach of the arm.
     Infeasible
-        If no motion within the limits was found; has the least-violating motion and the limit that binds.
+        If no motion satisfies the limits; the error has the least-violating motion and the binding limit.
     SolverFailed
-        If no start, or none within the time limit, leads to an optimum of one of the objectives.
+        If an objective has no optimum from any start, or none within the time limit.
 
     Notes
     -----
     "Optimal" is meant locally. Ctrl-C, SIGTERM and the time limit end the sweep within a second. The points so far are
     returned; those without a certificate are "undetermined". ``front.provenance["status"]`` says why the sweep ended.
-    Up to two fifths of a time limit are reserved for certificates, half of these for limits between samples.
+    Up to two fifths of a time limit are reserved for certificates, half of this time for limits between samples.
 
     ``observe`` is called while each objective's optima are sought, after every level of ε (``done`` of ``points``), and
     after each point's certificate. In review.rrd the levels of ε are on the timeline ``level``. Pictures are not drawn
@@ -151,7 +151,7 @@ def epsilon_front(
 
 
 class _SweepDisplay:
-    """Shows a session each step of a sweep.
+    """Shows each step of a sweep in a session.
 
     levels: number of steps whose bounds differ from those of the step before
     """

@@ -42,13 +42,13 @@ def export(
     motion
         Motion, or choice from a front.
     file
-        Path of the file to write; of a folder for "ros2-bag".
+        Path of the file to write, or of the folder for "ros2-bag".
     format
-        Format: "csv", "parquet", "npz", "joint-trajectory" (ROS 2 YAML), "ros2-bag"; default: the ending of ``file``.
+        Format: "csv", "parquet", "npz", "joint-trajectory" (ROS 2 YAML), "ros2-bag"; default: by ``file``'s ending.
     rate
-        Samples per second [Hz]; default: the controller's rate, without one the motion's own number of samples.
+        Sample rate [Hz]; default: the controller's, or without a controller the motion's own.
     controller
-        Controller with limits to keep, its name in ``pk.controllers``, "franka", "ur" or "kinova"; default: no check.
+        Controller whose limits must hold, a name in ``pk.controllers``, "franka", "ur" or "kinova"; default: no check.
     joint_names
         Order of the joints in columns; default: that of the arm.
     time_scale
@@ -56,9 +56,9 @@ def export(
     slow_down
         Whether to slow down further, as little as the limits require (default False).
     ramp
-        Time [s] within which the motion starts from rest, and comes to rest (default 0).
+        Duration [s] of each ramp, from rest at the start and to rest at the end (default 0).
     metadata
-        Entries to keep in the file; of the entries that export writes, only a choice's ``objectives`` may be replaced.
+        Further entries of the file; they may replace a choice's ``objectives``, but no other entry of export.
     overwrite
         Whether to replace a file that exists (default False).
 
@@ -72,13 +72,13 @@ def export(
     InvalidInput
         If an argument cannot be used, or the file exists and ``overwrite`` is False.
     Infeasible
-        If the controller would refuse the motion; names joint, quantity, time, value and limit.
+        If the controller would refuse the motion; the error names joint, quantity, time, value and limit.
 
     Notes
     -----
-    Limits of a controller are: positions; velocities, accelerations and jerks, as differences of the samples and of the
-    curve; torques of an arm with masses; rest at both ends. They are checked at the controller's own rate. From samples
-    at a lower ``rate`` the controller interpolates a motion of its own, which is not checked.
+    Limits of a controller are: positions; velocities, accelerations and jerks, as differences of the samples and as
+    derivatives of the curve; torques of an arm with masses; rest at both ends. They are checked at the controller's own
+    rate. From samples at a lower ``rate`` the controller interpolates a motion of its own, which is not checked.
 
     ``time_scale``, ``slow_down`` and ``ramp`` keep the curve and change only its timing.
     """
@@ -108,7 +108,7 @@ def export(
         check_target("export", target, overwrite=overwrite)
     if its is None:
         if slow_down:
-            raise InvalidInput("slow_down must come with a controller, whose limits say how much, got none")
+            raise InvalidInput("slow_down must come with a controller, whose limits it satisfies, got none")
         trajectory, uses = sample_motion(one, scaling), list[LimitUse]()
     else:
         trajectory, scaling, uses = fit_motion(one, scaling, its, slower=slow_down)
@@ -133,8 +133,8 @@ def _one_motion(motion: Choice | Motion) -> tuple[Motion, dict[str, Any]]:
         motion = motion.motion
         if motion is not None and not isinstance(motion, Motion):
             raise InvalidInput(
-                "motion must be a choice whose front has its arm, got one without; load the run with its problem: "
-                "pk.load_front(folder, problem), or --problem FILE.py:NAME"
+                "motion must be a choice from a front with its arm, got a front without arm; load the run with its "
+                "problem: pk.load_front(folder, problem), or --problem FILE.py:NAME"
             )
     if not isinstance(motion, Motion):
         raise InvalidInput(f"motion must be a Motion or a Choice that has one, got {shown(motion)}")

@@ -1,4 +1,4 @@
-"""Initial solutions (genes, motions or a former front), as genes and as points of a program."""
+"""Convert initial solutions (genes, motions or a former front) into genes and points of a program."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ INITIAL = key_of("initial")  # key of the initial solutions in the journal of a 
 
 
 def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes | None:
-    """Return genes (rows, n_var) of initial solutions; warn of motions that the genes miss.
+    """Return genes (rows, n_var) of initial solutions; warn of motions that they only approximate.
 
-    Raises InvalidInput for motions that the problem cannot encode, and a front of another problem without any.
+    Raises InvalidInput for motions that the problem cannot encode, and for a front of another problem without motions.
     """
     if isinstance(initial, Front):
         if initial.genes is not None and initial.provenance.get("fingerprint") == fingerprint(problem):
             return np.array(initial.genes)
         if initial.motions is None:
-            raise InvalidInput("initial must be a front with motions or of this problem, got neither")
+            raise InvalidInput("initial must be a front of this problem, or one with motions, got neither")
         initial = initial.motions  # type: ignore[assignment]  # a front of motions holds Motion
     if initial is None or isinstance(initial, np.ndarray | list):
         return initial
@@ -38,19 +38,23 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes
     inexact = deviation > 1e-6  # rad or m: a smaller deviation is not worth a warning
     if inexact.any():
         warn_user(
-            f"initial: {inexact.sum()} of {len(genes)} motions start approximately; the genes miss them by up to "
+            f"initial: genes describe {inexact.sum()} of {len(genes)} motions only approximately; they differ by up to "
             f"{deviation.max():.2g} rad (or m)",
         )
     return genes
 
 
 def initial_points(formulation: Differentiable, initial: Genes | Motion | Front | None) -> Points | None:
-    """Return initial solutions as points of a formulation's program, or None; raises InvalidInput for others."""
+    """Return initial solutions as points of a formulation's program; None if there are none.
+
+    Raises InvalidInput for solutions of another kind, or a front of other objectives.
+    """
     if initial is None:
         return None
     if isinstance(initial, Front):
         if tuple(initial.names) != tuple(formulation.names):
-            raise InvalidInput(f"initial must be a front of {', '.join(formulation.names)}, got another")
+            names, got = ", ".join(formulation.names), ", ".join(initial.names)
+            raise InvalidInput(f"initial must be a front of {names}, got one of {got}")
         return formulation.front_points(initial)
     if isinstance(initial, Motion):
         return formulation.motion_points(initial)
@@ -60,12 +64,12 @@ def initial_points(formulation: Differentiable, initial: Genes | Motion | Front 
 
 
 def remembered_initial(**arrays: np.ndarray | None) -> Values:
-    """Return arrays of initial solutions, without None; for a resumed run the original ones, from its journal."""
+    """Return the arrays that are not None; for a resumed run the original ones, from its journal."""
     return remembered(INITIAL, lambda: {name: array for name, array in arrays.items() if array is not None})
 
 
 def genes_and_points(problem: Any, initial: Genes | Motion | Front | None) -> dict[str, np.ndarray | None]:
-    """Return the "genes" (rows, n_var) of a search's initial solutions, and the exact "points" of motions, if any.
+    """Return the "genes" (rows, n_var) of a search's initial solutions, and exact "points" if these are motions.
 
     For a resumed run these are the original ones.
     """

@@ -22,16 +22,19 @@ from paretoik.runs.interruption import TimeLimit, check_time_limit, limited_eval
 from paretoik.stop_flag import Interrupted
 from paretoik.trajectory.plan import Optimum, Plan
 
-# The problem of a stored run: only the one that the user names (problem=, --problem, or yes to the question).
-# Loading a problem runs its file, and a run folder may come from anybody: what the run itself names is never run.
+# The problem of a stored run, which the user must name (problem=, --problem, or yes to the question). Loading a problem
+# runs its file, and a run folder may come from anybody, so the file that the run names is never run unasked.
 
 
 def named_problem(problem: Any, *, time_limit: float | None = None, evaluation_timeout: float | None = None) -> Any:
-    """Return ``problem``, for a polygon its arm or None, or the problem that it names if it is text.
+    """Return ``problem`` itself, or the problem that it names if it is text.
 
-    Loading takes at most ``time_limit`` [s], and each call of a user's function ``evaluation_timeout`` [s]. Raises
-    InvalidInput for others, and as ``load_problem``; SolverFailed if loading takes longer; EvaluationFailed if several
-    calls take longer.
+    problem: problem or its name; for a polygon its arm; None
+    time_limit: longest time to load the problem [s]
+    evaluation_timeout: longest call of a user's function [s]
+
+    Raises InvalidInput for other objects, and as ``load_problem`` does; SolverFailed if loading takes longer;
+    EvaluationFailed if several calls take longer.
     """
     timeline(problem)  # refuses objects whose attributes cannot be read
     is_problem = not isinstance(problem, type) and (hasattr(problem, "n_obj") or hasattr(problem, "dof"))
@@ -53,7 +56,7 @@ def named_problem(problem: Any, *, time_limit: float | None = None, evaluation_t
 
 
 def how_to_name(reference: object) -> str:
-    """Return a hint how to give the problem of a run. ``reference`` is the name of the problem that the run stored."""
+    """Return a hint how to name the problem of a run. ``reference``: name that the run stored."""
     words = problem_words(reference)
     if not words:
         return "the run names none; give it by problem= or --problem FILE.py:NAME"
@@ -97,7 +100,7 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
     except InvalidRun as fault:
         raise InvalidRun(f"{folder / MOTIONS}: {fault}") from None
     if motions is None:
-        raise InvalidRun(f"{folder} must have motions at the samples of the problem, got others")
+        raise InvalidRun(f"motions in {folder} must have the problem's times, got other times")
     columns["label"] = columns.pop("branch")
     del columns["id"]
     counts = run.get("counts")
@@ -131,7 +134,7 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
     Returns
     -------
     Front
-        Front, its motions with the arm of ``problem``; without it with joint positions only, and a warning.
+        Front, whose motions have the arm of ``problem``; without it only joint positions, with a warning.
 
     Raises
     ------
@@ -149,7 +152,7 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
 
 
 def with_problem(front: Front, folder: Path, problem: Any) -> Front:
-    """Return a loaded front with its problem; raises as ``load_front``."""
+    """Return a front with its problem. Raises as ``load_front`` does."""
     reference = front.provenance.get("problem")
     if problem is None:
         if reference is not None:

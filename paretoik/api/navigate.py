@@ -41,7 +41,7 @@ def navigate(
     allow
         Names of objectives that may get worse; default: all that are not in ``hold``.
     hold
-        Names of objectives that get no worse (default: none).
+        Names of objectives that must not get worse (default: none).
     by
         Amount of the improvement, in the objective's unit; default: that of ``Front.navigate``.
     to
@@ -61,15 +61,15 @@ def navigate(
     Raises
     ------
     InvalidInput
-        If a run or a folder cannot be used; also raises as ``Front.navigate``.
+        If a run or a folder cannot be used, and as ``Front.navigate`` does.
 
     Notes
     -----
-    The run loses nothing. The new front goes into a new folder next to it if the new point dominates former points, or
-    if the run was stopped and can be resumed: its result would then replace the front.
+    The run keeps all its points. The new front goes into a new folder next to the run if the new point dominates former
+    points, or if the run was stopped and can be resumed: its result would then replace the front.
 
-    If the run has a recording, that of the folder opens on the present choice and the new point next to each other, or
-    only on the new point.
+    If the run has a recording, the one in the folder opens on the new point, next to the present choice if there is
+    one.
     """
     folder = file_path("run", run)
     if out is not None:

@@ -31,8 +31,8 @@ def keep_path(
 ) -> Result:
     """Return a tool path; save run.json, tool_path.npz, review.rrd and picture.png in the folder ``out``.
 
-    `tool_path.npz` has the arrays and numbers of the result by name, ``start``, ``target``, and the box of the model,
-    ``lower`` and ``upper``.
+    `tool_path.npz` has the result's arrays and numbers by name, ``start``, ``target``, and the corners ``lower`` and
+    ``upper`` of the model's box.
     """
     title = query.verb.replace("_", " ")
     request = RunRequest(

@@ -64,13 +64,13 @@ def plan(
     seed
         Seed of the starts (default 0); the same seed gives the same plan.
     initial
-        Motions of the problem, on its path, as further starts.
+        Motions on the problem's path, as further starts.
     solver
-        Solver: "interior-point" for smooth functions, "sqp" (Clarabel) for any; "auto" (default): the first if it can.
+        Solver: "interior-point" (smooth functions), "sqp" (any, by Clarabel); "auto" (default): the first if possible.
     out
         Folder for the run (default: none): run.json, optima.parquet, motions.npz, review.rrd and picture.png.
     time_limit
-        Seconds of computing, as for ``solve``, after which the search ends and keeps its optima (default: no limit).
+        Computing time [s], as for ``solve``, after which the search ends and keeps its optima (default: no limit).
     workers
         Number of processes that solve starts, as for ``solve``.
     cluster
@@ -94,7 +94,7 @@ def plan(
     OutOfReach
         If the path leaves the reach of the arm.
     Infeasible
-        If no motion within the limits was found; has the least-violating motion and the limit that binds.
+        If no motion satisfies the limits; the error has the least-violating motion and the binding limit.
     SolverFailed
         If no feasible motion could be made optimal, or none was found within the time limit.
 
@@ -102,14 +102,14 @@ def plan(
     -----
     "Optimum" is meant locally. By default more starts are tried if functions have no kinks, peaks or whole-motion
     parts. With one redundant degree, about three times as many are tried while some optimum was reached from only one
-    or two, and ways through a grid of postures if optima stay rare or are many. With more degrees, if optima are rare,
-    starts near the best one are tried while they lead to better ones.
+    or two; if optima remain rare or are many, paths through a grid of postures are tried too. With more degrees, if
+    optima are rare, starts near the best optimum are tried while they lead to better ones.
 
-    Ctrl-C, SIGTERM and the time limit end the search within a second. The optima so far are returned, if need be those
-    of coarser samples with status "interrupted". ``plan.provenance["status"]`` says why the search ended.
+    Ctrl-C, SIGTERM and the time limit end the search within a second. The optima so far are returned, if necessary
+    those on coarser samples, with status "interrupted". ``plan.provenance["status"]`` says why the search ended.
 
     ``observe`` is called after every level of samples, coarse to fine: ``done`` of all samples. ``load_plan`` opens the
-    folder. review.rrd has every start, what it led to, and the optima. The picture is not drawn after a signal.
+    folder. review.rrd has every start, its end point, and the optima. The picture is not drawn after a signal.
 
     Source: Tringali & Cocuzza 2020, section 3.1.
 
@@ -134,7 +134,7 @@ def plan(
         resumable=True,
         **given,
     )
-    if solver != "auto":  # "auto" takes what applies, and reads values before derivatives
+    if solver != "auto":  # "auto" chooses a solver, from values before derivatives
         with computing(time_limit):  # users' functions are traced
             check_solver(problem.program(), solver)
     (name,), (unit,), (maximised,) = problem.names, problem.units, map(bool, problem.maximised)

@@ -57,11 +57,11 @@ def refine(
     problem
         Problem that the front solves; default: the problem that it came from.
     solver
-        Solver: "interior-point" for smooth functions, "sqp" (Clarabel) for any; "auto" (default): the first if it can.
+        Solver: "interior-point" (smooth functions), "sqp" (any, by Clarabel); "auto" (default): the first if possible.
     out
         Folder for the run (default: none): run.json, front.parquet, motions.npz, review.rrd and pictures.
     time_limit
-        Seconds of computing, as for ``solve``, after which refinement ends and keeps its points (default: no limit).
+        Computing time [s], as for ``solve``, after which refinement ends and keeps its points (default: no limit).
     workers
         Number of processes that refine and certify points, as for ``solve``.
     cluster
@@ -69,14 +69,14 @@ def refine(
     overwrite
         Whether to replace a run in ``out`` (default False).
     reference
-        Name of the problem, ``file.py:name``, kept for ``load_front``; default: what the front's own run has.
+        Name of the problem, ``file.py:name``, kept for ``load_front``; default: that of the front's own run.
     observe
         Function called with a ``RunProgress``; default: a bar on a terminal; True: lines elsewhere too; False: nothing.
 
     Returns
     -------
     Front
-        Front with certificates. Points keep their ids; points that another one dominates are left out.
+        Front with certificates. Points keep their ids; dominated points are left out.
 
     Raises
     ------
@@ -85,17 +85,17 @@ def refine(
 
     Notes
     -----
-    No point becomes worse in any objective, except if limits between samples require it: then by about 1e-4 of a range,
-    and no certified point. If no solver finds a better point, the point stays and its certificate says so. Refined
+    No certified point becomes worse in any objective. Other points may become worse by about 1e-4 of a range if limits
+    between samples require it. If no solver finds a better point, the point stays and its certificate says so. Refined
     motions of a ``Tracking`` have no ``genes`` (None), as genes cannot describe them.
 
     Ctrl-C, SIGTERM and the time limit end refinement within a second: points not refined yet stay as they were, and
     points without a certificate are "undetermined". Up to two fifths of a time limit are reserved for certificates,
-    half of these for limits between samples.
+    half of this time for limits between samples.
 
-    ``observe`` is called after some points are refined or certified: ``done`` of ``total``. If it returns true for
-    refined points, the others stay as they are. In review.rrd the front before and after is on the timeline
-    ``refinement``. Pictures are not drawn after a signal.
+    ``observe`` is called after some points are refined or certified: ``done`` of ``total``. If it returns a true value
+    during refinement, the remaining points stay as they are. In review.rrd the front before and after is on the
+    timeline ``refinement``. Pictures are not drawn after a signal.
 
     In the provenance of the result ``status`` says why refinement ended, ``counts`` how many points there were, how
     many converged and how many became better; ``parent`` is the front's provenance, with the folder of its ``run``.
@@ -104,9 +104,10 @@ def refine(
         raise InvalidInput(f"front must be a Front, got {shown(front)}")
     problem = front.problem if problem is None else problem
     if problem is None:
-        raise InvalidInput("front must come with its problem, got none; refine(front, problem) gives it")
+        raise InvalidInput("front must come with its problem, got none; pass it: refine(front, problem)")
     if tuple(require_program("refine", problem).names) != tuple(front.names):
-        raise InvalidInput(f"problem must have the objectives {', '.join(front.names)}, got others")
+        got = ", ".join(require_program("refine", problem).names)
+        raise InvalidInput(f"problem must have the objectives {', '.join(front.names)}, got {got}")
     stored = front.provenance.get("fingerprint")
     if stored is not None:
         check_fingerprint(problem, stored, wish="problem must be the one that the front solves")

@@ -49,7 +49,7 @@ def report(
     file
         Path of the page; default: report.html in the folder of the run that the front was loaded from or saved into.
     overwrite
-        Whether to replace a file that is no report (default False); a report is always replaced.
+        Whether to replace a file that is not a report (default False); a report is always replaced.
     problem
         Problem of a folder's run or its name, as for ``load_front``.
 
@@ -61,15 +61,15 @@ def report(
     Raises
     ------
     InvalidInput
-        If a front without a folder comes without ``file``, a front with ``problem``, or the file cannot be written.
+        If ``file`` is missing for a front without a folder, ``problem`` comes with a front, or writing fails.
     InvalidRun
         If the folder contains no run with a front, or a damaged one.
 
     Notes
     -----
-    The page has at most 5 MB and loads nothing: the front with ids, the motion of every point if there is room,
-    certificates, exchange rates, choices, settings and versions, for a closed loop its steps. For a run without a
-    feasible motion it says why, and shows the least-violating motion and what it violates.
+    The page has at most 5 MB and needs no network. It shows the front with ids, the motion of every point if there is
+    room, certificates, exchange rates, choices, settings and versions, and the steps of a closed loop. For a run
+    without a feasible motion it says why, and shows the least-violating motion and what it violates.
     """
     infeasible: InfeasibleRun | None = None
     if not isinstance(front, Front):
@@ -110,7 +110,7 @@ def report(
 
 
 class InfeasibleRun(NamedTuple):
-    """The reason of a run that found nothing feasible, the violated constraints, and the nearest point, if any."""
+    """A run that found nothing feasible: its reason, violated constraints and least-violating point, if any."""
 
     reason: str
     broken: tuple[str, ...]
@@ -144,7 +144,7 @@ def read_infeasible(folder: Path) -> InfeasibleRun | None:
     except InvalidRun:
         raise
     except (KeyError, TypeError, ValueError, AttributeError) as fault:
-        raise InvalidRun(f"{folder / RUN} must say what the least-violating motion violates, got {fault}") from fault
+        raise InvalidRun(f"{folder / RUN} has no valid entry {ENTRY!r}: {fault}") from fault
 
 
 # Parts of a page.
@@ -178,4 +178,4 @@ def _steps(front: Front, folder: Path | None) -> Steps | None:
         parts = [np.stack([table[f"{part} {name}"] for name in front.names], axis=1) for part in STEP_PARTS]
         return Steps(times=np.asarray(table["time"]), chosen=parts[0], best=parts[1], worst=parts[2])
     except (ArrowException, KeyError, ValueError, OSError) as fault:
-        raise InvalidRun(f"{folder / STEPS} must contain the steps of a closed loop, got {fault}") from fault
+        raise InvalidRun(f"{folder / STEPS}: not the steps of a closed loop: {fault}") from fault

@@ -58,7 +58,7 @@ def resolve(
     method
         Method of ``pk.methods``, such as ``PseudoInverse``, ``GradientProjection`` or ``ConstrainedQP``.
     start
-        Start (*batch, dof) in joint positions; default: a posture on the path, far from singularities (see Notes).
+        Joint positions (*batch, dof) at the start; default: a posture on the path, far from singularities (see Notes).
     limits
         Position limits of the joints, which methods avoid; default: those of the arm.
     obstacles
@@ -68,7 +68,7 @@ def resolve(
     unreachable
         Reaction to a lost path: "refuse" it (default), or "track" it as well as possible.
     tolerance
-        Distance from the path [m, rad] at which it counts as lost; nothing is predicted farther from the path.
+        Distance from the path [m, rad] above which it is lost; methods do not predict beyond it.
     seed
         Seed of the postures that the default start is chosen from (default 0).
     out
@@ -81,7 +81,7 @@ def resolve(
     Returns
     -------
     ResolvedMotion
-        Motion with ``traces``: one for each start and each set of the method's numbers, broadcast against each other.
+        Motion with ``traces``: one for each start and each set of the method's parameters, broadcast together.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def resolve(
     OutOfReach
         If there is no start.
     Infeasible
-        If the path is lost and ``unreachable="refuse"``; names sample, error and condition number, or limits.
+        If the path is lost and ``unreachable="refuse"``; see Notes.
     EvaluationFailed
         If a criterion is not finite and ``unreachable="refuse"``.
 
@@ -110,9 +110,9 @@ def resolve(
     arm, the arm follows as well as it can and returns with it. More damping than the default, or less feedback, makes
     it slower there.
 
-    The Infeasible error names the condition number of the Jacobian, or the limits that leave no way to continue.
-    review.rrd shows the arm and the method's traces over time; if the path is lost, up to the loss. traces.npz has all
-    ``traces``.
+    The Infeasible error names the sample, the tracking error, and the Jacobian's condition number or the limits that
+    block the motion. review.rrd shows the arm and the method's traces over time; if the path is lost, up to the loss.
+    traces.npz has all ``traces``.
 
     Examples
     --------
@@ -206,7 +206,7 @@ def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotio
 
 
 def _method_settings(method: Method) -> dict[str, Any]:
-    """Return a method's name and numbers. A criterion is described by its objective and gain."""
+    """Return a method's name and parameters. A criterion is described by its objective and gain."""
 
     def plain(value: Any) -> Any:
         return value if value is None or isinstance(value, bool | str) else np.asarray(value).tolist()

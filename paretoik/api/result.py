@@ -58,7 +58,7 @@ def limit_words(task: MotionTask, motion: Motion) -> tuple[str, ...]:
 
 
 def nearest_motion(problem: Any, failure: Infeasible) -> LeastViolating:
-    """Return the motion of an error, as a recording shows it."""
+    """Return the least-violating motion of an error, for a recording."""
     task, motion = task_of(problem), failure.motion
     if task is None or not isinstance(motion, Motion):
         return LeastViolating(broken=(), reason=str(failure))
@@ -90,13 +90,13 @@ def infeasible_entries(
 
 
 def motion_bytes(arm: Arm, time: np.ndarray, q: np.ndarray) -> bytes:
-    """Return motions (motions, time, dof) as the content of `motions.npz`, their ids from 0 on."""
+    """Return motions (motions, time, dof) as the content of `motions.npz`, with ids from 0."""
     stored = StoredMotions(arm=StoredJoints(joint_names=arm.joint_names), time=time, q=q)
     return array_bytes({"id": np.arange(len(q)), **motion_arrays(stored)})
 
 
 def read_stored_motions(file: Path, digest: object, ids: np.ndarray) -> StoredMotions:
-    """Return the motions of a file; raises InvalidRun unless it has this digest, and the motions these ids."""
+    """Return the motions of a file; raises InvalidRun unless the file has this digest and these ids."""
     arrays = read_motions(file, read_verified(file, digest), ids)
     if "q" not in arrays:
         raise InvalidRun(f"{file} must contain motions, got none")
@@ -150,7 +150,7 @@ def read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], Store
         if run.get("holds") != HOLDS:
             status = "" if "files" in run else f" of status {run.get('status')!r}"
             note = unfinished_note(folder)
-            raise InvalidRun(f"{folder} must be a run with a plan, got one{status} without{note}")
+            raise InvalidRun(f"{folder} must be a run with a plan, got one{status} without a plan{note}")
         check_digest(folder / RUN, run)
         try:
             run["levels"] = tuple((int(samples), int(optima)) for samples, optima in run["levels"])
@@ -160,7 +160,7 @@ def read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], Store
         except InvalidRun:
             raise
         except (KeyError, TypeError, ValueError) as fault:
-            raise InvalidRun(f"{folder} must have levels, files and the objective of a plan, got {fault}") from fault
+            raise InvalidRun(f"{folder / RUN}: not the entries of a plan: {fault}") from fault
 
 
 def _read_optima(file: Path, digest: object, name: str) -> dict[str, list[Any]]:
@@ -175,8 +175,8 @@ def _read_optima(file: Path, digest: object, name: str) -> dict[str, list[Any]]:
                 table = table.append_column(key, pa.array(np.full(len(table), np.nan)))
         columns = {kind.name: table.column(kind.name).cast(kind.type).to_pylist() for kind in kinds}
     except Exception as fault:  # any error of the parser is a fault of the file
-        wish = f"{file} must have the columns {', '.join(kinds.names)}"
-        raise InvalidRun(f"{wish}, got {first_line(fault)}") from fault
+        wish = f"{file}: not a table with columns {', '.join(kinds.names)}"
+        raise InvalidRun(f"{wish}: {first_line(fault)}") from fault
     if not columns["id"] or any(None in values for values in columns.values()):
         raise InvalidRun(f"{file} must have optima with all entries, got none or missing entries")
     return {"objective" if key == name else key: values for key, values in columns.items()}

@@ -62,9 +62,9 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
         f"{counts['seconds']:.1f} s{_stopped(status, 'optima')}"
     ]
     named = f"{name} [{unit}]" if unit else name
-    rows = [("optimum", named, "branch", "status", "limits between samples", "off the curve by")]
+    rows = [("optimum", named, "branch", "status", "limits between samples", "discretisation error")]
     for rank, each in enumerate(plan.optima):
-        kept = "kept" if each.violation_between <= 0 else f"violated by {each.violation_between:.1e} of a range"
+        kept = "satisfied" if each.violation_between <= 0 else f"violated by {each.violation_between:.1e} of a range"
         if math.isnan(each.violation_between):  # a stopped plan has no value
             kept = "unknown"
         value, error = f"{each.objective:.6g}", f"{each.discretisation_error:.1e}"
@@ -74,7 +74,7 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
     if (out / DRAWING).exists():  # a stopped run has no picture
         lines.append(f"pictured in {out / DRAWING}")
     if (command := resume_command(out, status)) is not None:
-        lines.append(f"go on:   {command}")
+        lines.append(f"resume:  {command}")
     words = problem_words(plan.provenance.get("problem"))
     lines.append(f"export:  {shell_command('paretoik', 'export', out, '--point', '0', *words)}")
     return "\n".join(lines)
@@ -131,7 +131,7 @@ def result_text(front: Front, out: Path) -> str:
         if counts.get("failed"):
             lines.append(f"{counts['failed']} evaluations failed, the first with: {counts['first_cause']}")
     if (command := resume_command(out, provenance["status"])) is not None:
-        lines.append(f"go on:   {command}")
+        lines.append(f"resume:  {command}")
     named = problem_words(provenance.get("problem"))
     equal = ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)
     fits = not any(sign in name for name in front.names for sign in ",=")

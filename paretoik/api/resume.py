@@ -65,7 +65,7 @@ def resume(
     algorithm
         Algorithm of pymoo, with the same settings, if the run of ``solve`` was given one.
     time_limit
-        Seconds of computing, as for ``solve``, after which the run stops again (default: no limit, whatever it had).
+        Computing time [s], as for ``solve``, after which the run stops again (default: no limit, even if it had one).
     workers
         Number of processes, as for ``solve``; may differ from before.
     cluster
@@ -85,16 +85,16 @@ def resume(
     InvalidRun
         If the folder contains no run, its journal is damaged, or results computed again differ from the journal.
     InvalidInput
-        If ``generations`` is missing for a finished run or given for a stopped one, ``problem`` is missing or another
-        one, another process works on the run, or a library has another version than before.
+        If ``generations`` is missing for a finished run or given for a stopped one, ``problem`` is missing or not
+        the run's, another process works on the run, or a library has another version than before.
 
     Notes
     -----
-    The journal of the run has all that was computed before; the rest is computed from it.
+    Values computed before come from the run's journal; only the rest is computed.
 
-    A finished search continues from exactly where it ended. The result is that of one run of all these generations with
-    the run's ``settings``, ``anchors`` among them; ``solve`` chooses these by the number of generations if none are
-    given. An ending that the run reached (target, stagnation or evaluations) no longer applies.
+    A finished search continues exactly where it ended. The result is that of one run of all these generations with the
+    run's ``settings``. Its ``anchors`` stay the same, although ``solve`` would choose more of them for more
+    generations. An ending that the run reached (target, stagnation or evaluations) no longer applies.
     """
     folder = file_path("folder", folder)
     check_flag("live", live)
@@ -124,7 +124,7 @@ def resume(
         with journalled(folder / CHECKPOINT / JOURNAL):
             if arguments.pop("initial", False) and recalled(INITIAL) is None:
                 raise InvalidRun(
-                    f"{folder} must have the initial solutions in its journal, got none: its result would be another; "
+                    f"{folder} must have the initial solutions in its journal, got none: the result would change; "
                     "start the run again"
                 )
             return verb(
@@ -158,7 +158,7 @@ def _read_resumable(folder: Path, generations: int | None) -> dict[str, Any]:
 def _call(
     folder: Path, run: Mapping[str, Any], problem: Any, algorithm: Any, generations: int | None
 ) -> tuple[Callable[..., Front | Plan], dict[str, Any]]:
-    """Return the verb of a run, and its arguments; raises as ``resume``."""
+    """Return the verb of a run, and its arguments. Raises as ``resume`` does."""
     verb, settings = VERBS.get(str(run.get("verb"))), run.get("settings")
     if verb is None:
         raise InvalidRun(f"{folder} must be a run of solve, plan, front or refine, got one of {run.get('verb')!r}")

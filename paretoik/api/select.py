@@ -58,20 +58,20 @@ def select(
 
     Notes
     -----
-    A closed loop and weights other than its own lead to a new run with these weights at every step, kept in ``out``.
-    The choice is kept in the run folder of its front; that of a new run names the ``former`` run and its present
-    choice.
+    A closed loop that gets other weights than its own is run again with these weights at every step, and saved in
+    ``out``. The choice is saved in the run folder of its front; that of a new run names the ``former`` run and its
+    present choice.
     """
     preference = as_preference(preference)
     if front.problem is None and is_loop(front):
         raise InvalidInput(
-            "front must come with the closed loop that its run followed, got none; load it with its problem: "
+            "front must come with the closed loop of its run, got none; load it with its problem: "
             "load_front(run, problem), or --problem FILE.py:NAME"
         )
     problem = ProblemParts(front.problem).reweigh(front, preference)
     if problem is None:
         if out is not None:
-            raise InvalidInput("out must come with a closed loop and other weights than its own, got no new run")
+            raise InvalidInput("out must be None unless a closed loop gets other weights than its own, got a folder")
         return front, front.select(preference)
     if out is not None:
         check_other_folder("out", file_path("out", out), front.folder)

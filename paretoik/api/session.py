@@ -52,7 +52,7 @@ from paretoik.stop_flag import STOP, Interrupted
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolveSettings:
-    """The arguments of ``solve`` that define the computation; None means the problem's size or the default size."""
+    """Arguments of ``solve`` that define the computation; None: the problem's own value, or the default."""
 
     population: int | None = None
     generations: int | None = None
@@ -141,9 +141,9 @@ def open_verb(
 ) -> Iterator[tuple[Observer | None, Interruption]]:
     """Yield a verb's observer and the signal that may end it; compute with one BLAS thread.
 
-    If the body raises Interrupted, a signal came before there was a result: this raises KeyboardInterrupt after Ctrl-C,
-    SystemExit(143) after SIGTERM. Without ``catch_signals`` they end the body as without a verb. Raises InvalidInput
-    for an observer that cannot be called.
+    If the body raises Interrupted, because a signal came before there was a result, this becomes KeyboardInterrupt
+    after Ctrl-C, and SystemExit(143) after SIGTERM. Without ``catch_signals`` signals end the body as usual. Raises
+    InvalidInput for an observer that cannot be called.
     """
     signals = interruptible() if catch_signals else nullcontext(Interruption())
     with open_observer(observe, time_limit=time_limit) as observer, signals as interruption, single_blas_thread():
@@ -159,7 +159,7 @@ def open_verb(
 
 @contextmanager
 def computing(seconds: float | None, session: Session | None = None) -> Iterator[None]:
-    """Limit the body's computing time [s]; then it is asked to return its results so far, as after a signal.
+    """Limit the body's computing time [s]; after it the body is asked to return its results so far.
 
     Raises InvalidInput for an invalid time, SolverFailed if the body has no result by then.
     """
@@ -174,7 +174,7 @@ def computing(seconds: float | None, session: Session | None = None) -> Iterator
             assert limit.seconds is not None
             given = f"{limit.seconds:g} s"
             if limit.remaining > 0:  # the rest is reserved for certificates
-                given = f"{limit.seconds - limit.remaining:.2g} s, the part of {given} that certificates leave"
+                given = f"{limit.seconds - limit.remaining:.2g} s, the part of {given} not reserved for certificates"
             late = f"{limit.late} took longer than that" if limit.late else ""
             reason = late or stop.reason or "a longer one may help"
             raise SolverFailed(f"time_limit: nothing was found within {given}; {reason}") from stop
@@ -250,7 +250,7 @@ class Session:
         return {**self.entries, "computed": computed(self.former)}
 
     def ended(self, status: str, **counts: object) -> dict[str, Any]:
-        """Return the entries of the run with its status, its counts and their seconds."""
+        """Return the entries of the run with its status, counts and duration."""
         return {**self.provenance, "status": status, "counts": {**counts, "seconds": round(self.seconds, 3)}}
 
     # Progress and recording.
@@ -299,11 +299,11 @@ class Session:
 
     @contextmanager
     def reviewing(self) -> Iterator[None]:
-        """Warn if the body fails: it completes the recording and draws pictures."""
+        """Warn if the body fails to complete the recording or to draw pictures."""
         try:
             yield
         except (Exception, Interrupted) as fault:  # a view may fail in any way, also in a user's function
-            text = f"{self.folder}: not all views of this run could be made, which changes no result: {cause_of(fault)}"
+            text = f"{self.folder}: a recording or picture failed, which does not change the result: {cause_of(fault)}"
             warn_user(text)
 
     # Drafts and the result.
@@ -379,7 +379,7 @@ class Session:
         self.finish(front, save, status=status, end=end, draw=draw)
 
     def complete_observer_fault(self) -> None:
-        """Attach the saved result to the observer's error, if any, which ends the verb."""
+        """Attach the saved result to the observer's error, if there is one."""
         fault, result = self.observer_fault, self.result
         if fault is None or result is None or fault.partial is not None:
             return
@@ -419,7 +419,7 @@ class Session:
         if is_loop or not (isinstance(failure, Infeasible) and isinstance(scene, PlannedScene | SearchedFront)):
             return {}, {}
         if isinstance(error, Interrupted):
-            error.add_note(f"by then there was {failure}")
+            error.add_note(f"by then: {failure}")
         nearest = self.nearest or nearest_motion(self.request.problem, failure)
         with self.reviewing():
             if isinstance(scene, PlannedScene):
@@ -441,7 +441,7 @@ class Session:
 def open_session(request: RunRequest) -> Iterator[Session]:
     """Open a run: lock its folder, catch signals, save a failure's reason.
 
-    Raises InvalidInput if the folder cannot be used, a setting cannot be JSON, or there are no such workers.
+    Raises InvalidInput if the folder cannot be used, a setting cannot be JSON, or the workers do not exist.
     """
     mark = fingerprint(request.problem)
     with ExitStack() as stack:
@@ -461,7 +461,7 @@ def open_session(request: RunRequest) -> Iterator[Session]:
                 "verb": request.verb,
                 "problem": request.reference,
                 "fingerprint": mark,
-                "settings": {**request.settings, **given},  # the journal of a resumed run has what it started from
+                "settings": {**request.settings, **given},  # the journal of a resumed run has its initial solutions
                 "versions": versions(),
             },
             former=stored.get("computed"),

@@ -1,4 +1,4 @@
-"""Find the Pareto front of a problem, or follow a closed loop."""
+"""Find the Pareto front of a problem, or run a closed loop."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def solve(
     reference: str | None = None,
     observe: Observer | bool | None = None,
 ) -> Front:
-    """Return the Pareto front of a pymoo problem, or follow a ``ClosedLoop``.
+    """Return the Pareto front of a pymoo problem, or run a ``ClosedLoop``.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def solve(
     population
         Size of the population (default 200, or that of the closed loop).
     generations
-        Most generations (default 500, or those of the closed loop).
+        Maximum number of generations (default 500, or that of the closed loop).
     seed
         Seed of all random numbers (default 0, or that of the closed loop); the same seed gives the same front.
     islands
@@ -92,7 +92,7 @@ def solve(
     initial
         Genes (rows, genes), motions on the path, or a former front to start from.
     time_limit
-        Seconds of computing, without compilation, after which the search ends (default: no limit).
+        Computing time [s], without compilation, after which the search ends (default: no limit).
     evaluations
         Number of evaluations after which the search ends (default: no limit).
     target
@@ -100,15 +100,15 @@ def solve(
     stagnation
         Whether to stop if the front has not improved for 20 generations (default True).
     anchors
-        Generations for each objective alone, before the common search; default: half of all if there are branches.
+        Generations per objective alone, before the common search; default: half of all, shared, if there are branches.
     algorithm
-        Genetic algorithm of pymoo in place of ``MaxiMinNSGA2``, with its own sizes.
+        Genetic algorithm of pymoo in place of ``MaxiMinNSGA2``, with its own population size.
     points
-        Most points of the front, spread by MaxiMin (default 200); None keeps all.
+        Maximum number of points, spread by MaxiMin (default 200); None keeps all.
     refine
         Whether gradients help the search, refine its points and certify them (default False).
     solver
-        Solver of ``refine``: "interior-point" (smooth functions), "sqp" (any); "auto" (default): the first if it can.
+        Solver of ``refine``: "interior-point" (smooth functions), "sqp" (any); "auto" (default): the first if possible.
     workers
         Number of processes on this machine that evaluate individuals (default: only this process).
     cluster
@@ -118,7 +118,7 @@ def solve(
     overwrite
         Whether to replace a run in ``out`` (default False).
     record_steps
-        Steps of a closed loop, from 1 on, whose searches are kept generation by generation (default: none).
+        Steps of a closed loop (from 1) whose searches are recorded generation by generation (default: none).
     live
         Whether to open a viewer on the recording in ``out`` during the run (default False).
     reference
@@ -136,14 +136,14 @@ def solve(
     InvalidInput
         If an argument cannot be used.
     Infeasible
-        If nothing satisfied the limits; has the least-violating motion and the limit that binds.
+        If nothing satisfied the limits; the error has the least-violating motion and the binding limit.
     EvaluationFailed
         If every evaluation failed; names the first cause.
 
     Notes
     -----
     Pymoo problems need real genes; the front has motions if the problem has ``decode``. ``front.select(Weights(...))``
-    on the front of a closed loop follows the loop again with other weights at every step. Not for closed loops:
+    on the front of a closed loop runs the loop again with other weights at every step. Not for closed loops:
     ``islands``, ``initial``, ``evaluations``, ``target``, ``anchors``, ``algorithm``, ``refine``, ``solver``,
     ``workers``, ``cluster`` and ``evaluation_timeout``; ``points`` and ``stagnation`` have no effect on them.
 
@@ -153,11 +153,11 @@ def solve(
     saved in ``out``.
 
     ``refine`` works for ``Tracking``, ``DirectionalMaxima`` and ``PointToPoint``, as ``refine(front)`` does. Every ten
-    generations a few iterations improve the best points of each objective, the widest gaps and every branch, up to 30 %
-    of the evaluations. At the end every point is refined to a local optimum. The planner's best points of each
-    objective are added, then the points that gain most, up to ``points``; all are certified. The search takes at most
-    half of a ``time_limit``. The time for compilation, once per copy of paretoik, does not count. "sqp" solves convex
-    subproblems by Clarabel.
+    generations a few iterations of the solver improve the best points of each objective, points at the widest gaps and
+    points of every branch; they take up to 30 % of the evaluations. At the end every point is refined to a local
+    optimum. The planner's best points of each objective are added, then points in gaps, up to ``points``; all are
+    certified. The search takes at most half of a ``time_limit``. The time for compilation, once per copy of paretoik,
+    does not count. "sqp" solves convex subproblems by Clarabel.
 
     On problems with branches the best points of single objectives can lie in basins of their own: by default the
     objectives share half of all generations as ``anchors``. Islands are evaluated together, which gives many
@@ -165,7 +165,7 @@ def solve(
 
     ``workers`` and ``cluster`` do not change the front, bit for bit. They save time only if an individual takes some
     milliseconds; a warning says if they do not. The problem is sent with its code, without files that it opens. An
-    individual that ends four workers has failed. A cluster needs ``pip install "paretoik[cluster]"``, ``dask
+    individual fails if four workers end on it. A cluster needs ``pip install "paretoik[cluster]"``, ``dask
     scheduler``, and ``dask worker ADDRESS --nworkers 8 --nthreads 1``. With ``evaluation_timeout`` individuals are
     evaluated one by one in workers, by default in one; the first individual of a new worker has 5 s more, to load code.
 
@@ -195,12 +195,12 @@ def solve(
 
 @dataclass(frozen=True, kw_only=True)
 class SearchOptions:
-    """Shares of a search's time, and sizes of the motions that its recording decodes.
+    """Limits of a search's time, and of the motions that its recording shows.
 
     search_time: share of the time limit for the search if the front is refined too
     share: largest share of the run's time for decoding motions
     dense: number of decodings at every generation; then as many at every second one, every fourth one, ...
-    samples: most samples of a motion
+    samples: maximum number of samples of a motion
     """
 
     search_time: float = 0.5
@@ -215,7 +215,7 @@ NOT_STORED = ("record_steps", "workers", "cluster")  # settings that are not in 
 
 
 class FrontSearch:
-    """The search for the front of a pymoo problem; raises InvalidInput for ``settings`` before any computation."""
+    """The search for the front of a pymoo problem; raises InvalidInput for invalid settings before it computes."""
 
     def __init__(self, problem: Any, settings: SolveSettings) -> None:
         check_sizes(problem)
@@ -272,7 +272,7 @@ class FrontSearch:
         self.settings = {name: getattr(given, name) for name in names} | stored
 
     def run(self, session: Session) -> Front:
-        """Return the saved and drawn front, refined unless a signal came."""
+        """Search; refine unless a signal came; save, draw and return the front."""
         session.continues, started, given = True, computing_clock(), self._given
         search = self.search
         hopeless = _SignalOrHopeless(session, self.problem, looks=self._initial["genes"] is None)
@@ -398,7 +398,7 @@ def infeasible_search(search: Search | Islands) -> tuple[Infeasible, LeastViolat
     """Return the error of an infeasible search, and its least-violating point for the recording's end."""
     nearest = search.archive.least_violating
     if nearest is None:
-        failure = Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
+        failure = Infeasible(f"no feasible point in {search.evaluations} evaluations, and every one failed")
         return failure, LeastViolating(broken=(), reason=str(failure))
     limit, reason = explain_violation(search.problem, nearest.X, nearest.G[0])
     motions = ProblemParts(search.problem).decode(nearest.X)
@@ -457,7 +457,7 @@ class GenerationMotions:
         return points
 
 
-# A closed loop, followed step by step; its motion is saved as a front of one point.
+# A closed loop, run step by step; its motion is saved as a front of one point.
 
 
 SEARCH_SETTINGS = (
@@ -471,8 +471,8 @@ class LoopRun:
 
     The point is the motion, with the mean of each objective over the steps.
 
-    If a signal or the time limit ends the run early, the motion has the steps so far. Raises InvalidInput, naming the
-    setting, for a setting of a search.
+    If a signal or the time limit ends the run early, the motion has the steps so far. Raises InvalidInput, with its
+    name, for a setting of a search.
     """
 
     def __init__(self, problem: ClosedLoop, settings: SolveSettings) -> None:
@@ -480,7 +480,7 @@ class LoopRun:
             value, default = getattr(settings, name), getattr(SolveSettings, name)
             if value is not default and not (isinstance(value, str | int | np.integer) and value == default):
                 raise InvalidInput(
-                    f"{name} must be used with a search for a front, got a closed loop, which is followed step by step"
+                    f"{name} must be used with a search for a front, got a closed loop, which is run step by step"
                 )
         self.problem = problem.changed(
             population=settings.population, generations=settings.generations, seed=settings.seed
@@ -492,7 +492,7 @@ class LoopRun:
         self.settings = {"weights": self.problem.named_weights, **kept, **others}
 
     def run(self, session: Session) -> Front:
-        """Follow the loop; return, save and draw a front of one point."""
+        """Run the loop; save, draw and return a front of one point."""
         loop = self.problem
         steps = len(loop.task.times) - 1
         session.show(RunProgress(stage="beginning"))  # the search for a start may take a while
@@ -558,7 +558,7 @@ def _save_steps(run: ClosedLoopRun, ranges: np.ndarray, searched: Sequence[Searc
     """Write a table of the steps, and the recorded searches as plain arrays, all in the user's own sign.
 
     `steps.parquet` has one row per step: sample, time, and per objective the chosen, best and worst value on the front.
-    `searches.npz`, one row per recorded step: ``steps`` (steps,), ``names`` and ``units`` (n_obj,), ``objectives``
+    `searches.npz` has one row per recorded step: ``steps`` (steps,), ``names`` and ``units`` (n_obj,), ``objectives``
     (steps, generations, individuals, n_obj), ``q`` (steps, generations, individuals, dof), ``on_front`` (steps,
     generations, individuals), and ``chosen`` (steps, generations): index of an individual, −1 if all failed.
     """

@@ -25,7 +25,7 @@ def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool 
     folder
         Folder of a run.
     problem
-        Problem or its name, as for ``load_front``, for a polygon the arm; its numbers and a user's functions count.
+        Problem or its name, as for ``load_front``; for a polygon the arm. Its numbers and users' functions are used.
     observe
         Observer of the number of points checked, as for ``refine``.
 
@@ -54,7 +54,7 @@ def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool 
         run = read_contents(path)
     problem = named_problem(problem)
     if problem is None:
-        reason = f"the run's problem is not at hand: {how_to_name(run.entries.get('problem'))}"
+        reason = f"the run's problem is not given: {how_to_name(run.entries.get('problem'))}"
     elif {"objectives", "objective"} & run.entries.keys():
         same = fingerprint(problem) == run.entries.get("fingerprint")
     problem = at_samples_of(problem, run.motions.get("q"))

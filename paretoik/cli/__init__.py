@@ -1,4 +1,4 @@
-"""The command line: one chapter of sub-commands per file.
+"""The command line: a group of sub-commands per file.
 
 Results go to stdout, progress and errors to stderr.
 """

@@ -1,4 +1,4 @@
-"""The command ``paretoik``, and its commands that prepare and make a run; a user's error is one line and a code."""
+"""The command ``paretoik``, and its sub-commands that prepare or make a run. A user's error is one line and a code."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ def check_robot(
 ) -> None:
     """List the faults of a URDF file and the arm it describes.
 
-    The arm is that of Arm.from_urdf. Similar warnings are printed as one line with the first names, and of many lines
-    only the first ones are printed. --json has every fault and every warning.
+    The arm is that of Arm.from_urdf. Similar warnings share one line, and long lists are cut; --json has every fault
+    and every warning.
     """
     from paretoik.robot.urdf import check_robot as check
     from paretoik.robot.urdf import report_text
@@ -110,7 +110,7 @@ def list_problems(
         if not names:
             continue
         text = f"{place} has functions that do not say what they return and may be problems too: {', '.join(names)}"
-        print_message("note:", "bold", f"{text}; an annotation, as -> Tracking, lists them")
+        print_message("note:", "bold", f"{text}; annotate the return type, such as -> Tracking, to list them")
     for error in errors:
         print_message("error:", "bold red", str(error))
     if errors:
@@ -242,17 +242,19 @@ def solve(
     population: Annotated[
         int | None, typer.Option(help="Size of the population (200; for a closed loop its own).")
     ] = None,
-    generations: Annotated[int | None, typer.Option(help="Most generations (500; for a closed loop its own).")] = None,
-    points: Annotated[int, typer.Option(help="Most points of the front, spread over it.")] = 200,
+    generations: Annotated[
+        int | None, typer.Option(help="Maximum number of generations (500; for a closed loop its own).")
+    ] = None,
+    points: Annotated[int, typer.Option(help="Maximum number of points, spread over the front.")] = 200,
     seed: Annotated[int | None, typer.Option(help="Seed of all random numbers (0).")] = None,
-    islands: Annotated[int, typer.Option(help="Populations; some of the best migrate to the next one.")] = 1,
+    islands: Annotated[int, typer.Option(help="Number of populations; some points migrate to the next one.")] = 1,
     time_limit: TimeLimit = None,
     workers: Workers = None,
     cluster: ClusterAddress = None,
     evaluation_timeout: Annotated[
-        float | None, typer.Option(help="Seconds after which an evaluation is ended and has failed.")
+        float | None, typer.Option(help="Seconds after which an evaluation is ended and fails.")
     ] = None,
-    refine: Annotated[bool, typer.Option("--refine", help="Use gradients, and add optima and certificates.")] = False,
+    refine: Annotated[bool, typer.Option("--refine", help="Use gradients; add optima and certificates.")] = False,
     solver: Annotated[
         SolverName,
         typer.Option(help="Solver of --refine: interior points (smooth functions), or SQP by Clarabel (any)."),
@@ -266,7 +268,7 @@ def solve(
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Search for the front of a problem, or follow a closed loop.
+    """Search for the front of a problem, or run a closed loop.
 
     Ctrl-C ends it early and keeps the result.
     """
@@ -310,7 +312,7 @@ def plan(
 def front(
     problem: Problem,
     out: OutFolder,
-    points: Annotated[int, typer.Option(help="Most points of the front, spread over it.")] = 20,
+    points: Annotated[int, typer.Option(help="Maximum number of points, spread over the front.")] = 20,
     starts: Starts = None,
     seed: Seed = 0,
     solver: SolverOption = "auto",
@@ -323,7 +325,7 @@ def front(
 ) -> None:
     """Find a certified front by gradients only.
 
-    One objective is minimised, the others are bounded by one ε after another.
+    One objective is minimised while the others are bounded by ε, one level after another.
     Ctrl-C ends it early and keeps the result.
     """
     given = arguments(locals())
@@ -402,7 +404,7 @@ USAGE_ERRORS: Any = typer.BadParameter.__base__  # base of all errors of the par
 
 
 class Commands(TyperGroup):
-    """The sub-commands. Wrong arguments are reported in one line, and a signal before there is a result too."""
+    """The sub-commands. Wrong arguments, and a signal before there is a result, are reported in one line."""
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         """Return the context of a command line. Raises InvalidInput for wrong arguments."""
@@ -441,8 +443,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="The whole Pareto front of joint motions for a redundant arm.",
     epilog="Exit codes: 0 done, 2 bad input, 3 infeasible, 4 all evaluations failed or no solver had a solution, "
-    "5 stopped by a limit and 130 or 143 interrupted, with the result kept, 6 interrupted before there was one, "
-    "7 a verification that fails.",
+    "5 stopped by a limit or 130 or 143 interrupted (the result is kept), 6 interrupted without a result, "
+    "7 verification failed.",
 )
 COMMANDS = (
     *(list_problems, solve, plan, front, refine, resume, select, navigate, show, export, report, compare, verify),

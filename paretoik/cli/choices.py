@@ -43,7 +43,7 @@ KneeOption = Annotated[
     bool, typer.Option("--knee", help="The point from which any step costs the most relative to its gain.")
 ]
 CompromiseOption = Annotated[
-    bool, typer.Option("--compromise", help="The point whose worst objective gives up the least of its range.")
+    bool, typer.Option("--compromise", help="The point whose worst objective loses the least of its range.")
 ]
 AspirationOption = Annotated[
     str | None, typer.Option(help="Point nearest to given values, which may be unreachable.", metavar=NUMBERS)
@@ -59,7 +59,7 @@ LexicographicOption = Annotated[
 BoundsOption = Annotated[
     str | None,
     typer.Option(
-        help="Only points within these bounds (in quotes), with or without a preference that then decides.",
+        help="Only points within these bounds (in quotes); another preference may choose among them.",
         metavar="'NAME<=VALUE,NAME>=VALUE'",
     ),
 ]
@@ -84,7 +84,7 @@ UndoOption = Annotated[bool, typer.Option("--undo", help="Go back to the choice 
 PictureOption = Annotated[Path | None, typer.Option(help="Draw the front and the chosen motion into this PNG.")]
 OutOption = Annotated[Path | None, typer.Option(help="Folder for the new run of a closed loop.")]
 OverwriteOption = Annotated[
-    bool, typer.Option(help="Replace a run in that folder, or a file that is no picture of ours.")
+    bool, typer.Option(help="Replace a run in that folder, or a file that is not a picture by paretoik.")
 ]
 
 
@@ -112,7 +112,7 @@ def select(
 ) -> None:
     """Choose one motion of a front, and keep the choice.
 
-    The reason of the choice is printed. A closed loop is followed again with other weights at every step.
+    The reason of the choice is printed. A closed loop is run again with other weights at every step.
     """
     given = {**locals(), "from": start}
     wishes = {name: given[name] for name in OPTIONS if given[name] is not None and given[name] is not False}
@@ -181,7 +181,7 @@ OPTIONS = (*PREFERENCES, "bounds", *PREFERENCE_OF_OPTION)
 
 
 def read_preference(wishes: Mapping[str, Any], *, run: Path) -> Preference:
-    """Return the preference of the given options, by name.
+    """Return the preference that the given options (by name) describe.
 
     ``bounds`` may come with another preference, which then decides within them; ``uncertainty`` belongs to ``robust``,
     ``from`` is the point that ``classify`` starts from. Raises InvalidInput unless there is exactly one preference.
@@ -250,7 +250,7 @@ def parse_bounds(text: str) -> dict[str, tuple[float | None, float | None]]:
         name, sign, value = match[1], match[2], _number("bounds", match[1], match[3])
         lower, upper = bounds.get(name, (None, None))
         if (upper if sign == "<=" else lower) is not None:
-            raise InvalidInput(f"bounds must have one bound on each side, got {name} {sign} twice")
+            raise InvalidInput(f"bounds must have at most one bound on each side, got {name} {sign} twice")
         bounds[name] = (lower, value) if sign == "<=" else (value, upper)
     return bounds
 
@@ -267,7 +267,7 @@ def parse_classes(text: str, start: int | None, run: Path) -> Classify:
             lists[word].append(name)
         else:
             hint = likely_spelling(word, ("improve", "keep", "relax", "free"))
-            raise InvalidInput(f"classify must be for {name} {CLASSES}, got {shown(kind)}{hint}")
+            raise InvalidInput(f"classify: {name} must be {CLASSES}, got {shown(kind)}{hint}")
     if start is None:
         start = present_point(read_choices(run), name="--from")
     return Classify(start, improve_to=values["improve"], relax_to=values["relax"], **lists)
@@ -296,9 +296,9 @@ def navigate(
     improve: Annotated[str, typer.Option(help="The objective that gets better.")],
     point: Annotated[int | None, typer.Option(help="Id of the point to move from (the present choice).")] = None,
     allow: Annotated[
-        list[str] | None, typer.Option(help="An objective that may get worse; repeatable (all not held).")
+        list[str] | None, typer.Option(help="An objective that may get worse; repeatable (all but --hold).")
     ] = None,
-    hold: Annotated[list[str] | None, typer.Option(help="An objective that gets no worse; may be repeated.")] = None,
+    hold: Annotated[list[str] | None, typer.Option(help="An objective that must not get worse; repeatable.")] = None,
     by: Annotated[float | None, typer.Option(help="Improvement, in its unit (5 % of its range).")] = None,
     to: Annotated[float | None, typer.Option(help="Value to reach, in its unit, in place of --by.")] = None,
     out: Annotated[Path | None, typer.Option(help="Keep the new front in this folder, not in the run.")] = None,
@@ -310,7 +310,7 @@ def navigate(
 
     The new point is better in one objective and is added to the run.
 
-    Nothing is lost: if the new point dominates points of the run, the new front is kept in a folder next to it.
+    No point is lost: if the new point dominates points of the run, the new front is kept in a folder next to the run.
     The recording opens on the new point, next to the present choice of the run if there is one.
     """
     with stdout_for_results():

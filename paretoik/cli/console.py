@@ -42,8 +42,8 @@ STDIN, STDOUT, STDERR = 0, 1, 2  # descriptors of the process
 def process_output() -> Iterator[None]:
     """Replace stdout and stderr by streams that never raise.
 
-    They may be full, closed, missing or limited to ASCII. Raises InvalidInput if the body ends without error, or by an
-    exit, but the output was not written completely. Does not raise if the reader left early or stdout is closed.
+    They may be full, closed, missing or limited to ASCII. Raises InvalidInput if the body ends without error or exits,
+    but the output was not written completely. Does not raise if the reader left early or stdout is closed.
     """
     for descriptor in (STDIN, STDOUT, STDERR):  # if a descriptor were closed, the next opened file would get its number
         try:
@@ -96,7 +96,7 @@ def _check_written(stream: Any) -> None:
         return
     stream.flush()
     if file.fault is not None and file.fault.errno != errno.EPIPE:
-        raise InvalidInput(f"stdout must take the whole output, got {file.fault.strerror}")
+        raise InvalidInput(f"stdout: the output could not be written completely: {file.fault.strerror}")
 
 
 def _plain_letters(error: UnicodeError) -> tuple[str, int]:
@@ -110,7 +110,7 @@ def _plain_letters(error: UnicodeError) -> tuple[str, int]:
 
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
-QuietFlag = Annotated[bool, typer.Option("--quiet", help="No progress.")]
+QuietFlag = Annotated[bool, typer.Option("--quiet", help="Show no progress.")]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.")]
 EXIT_CODES = {  # by the status of a stopped run, or by what a command did not reach
     **{"time limit": 5, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143},
@@ -231,18 +231,19 @@ RunProblem = Annotated[
     str | None,
     typer.Option(
         "--problem",
-        help="Problem of the run; its file is run (on a terminal: the one that the run names, if you say yes).",
+        help="Problem of the run; its file is run. On a terminal you are asked whether to use the one that the run "
+        "names.",
         metavar="FILE.py:NAME",
     ),
 ]
 OutFolder = Annotated[Path, typer.Option(help="Folder to keep the run in.")]
-Starts = Annotated[int | None, typer.Option(help="Starts per redundant degree (up to 48, while they pay).")]
+Starts = Annotated[int | None, typer.Option(help="Number of starts per redundant degree (up to 48, if they help).")]
 Seed = Annotated[int, typer.Option(help="Seed of all random numbers.")]
 SolverOption = Annotated[
     SolverName, typer.Option(help="Interior points (smooth functions), SQP by Clarabel (any), or what suits.")
 ]
-TimeLimit = Annotated[float | None, typer.Option(help="Seconds of computing after which to stop and keep the result.")]
-Workers = Annotated[int | None, typer.Option(help="Processes on this machine that compute (none: this one).")]
+TimeLimit = Annotated[float | None, typer.Option(help="Computing time [s] after which to stop and keep the result.")]
+Workers = Annotated[int | None, typer.Option(help="Number of processes on this machine that compute (only this one).")]
 ClusterAddress = Annotated[
     str | None, typer.Option("--cluster", help="Dask scheduler whose workers compute.", metavar="tcp://HOST:PORT")
 ]
@@ -268,5 +269,5 @@ def agreed_problem(run: Path, problem: str | None, *, needed: bool = False) -> s
         return words[1]
     if needed:
         command = shell_command("paretoik", *sys.argv[1:], *words)
-        raise InvalidInput(f"problem of {run} must be named, as only then its file is run, got none: {command}")
+        raise InvalidInput(f"problem of {run} must be named, got none; its file is run only then: {command}")
     return None

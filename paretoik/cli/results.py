@@ -1,4 +1,4 @@
-"""Commands to look at runs and export motions.
+"""Commands that show runs and export motions.
 
 These are ``paretoik show``, ``export``, ``report``, ``compare`` and ``verify``.
 """
@@ -42,7 +42,7 @@ def show(
         int | None, typer.Option(help="Open on the motion of this point instead of the present choice.", metavar="ID")
     ] = None,
     compare: Annotated[
-        int | None, typer.Option(help="Show the motion of another point next to it, on a common time.", metavar="ID")
+        int | None, typer.Option(help="Show the motion of another point next to it, on one timeline.", metavar="ID")
     ] = None,
     problem: RunProblem = None,
 ) -> None:
@@ -104,18 +104,18 @@ RateOption = Annotated[
 ControllerOption = Annotated[
     str | None,
     typer.Option(
-        help="Controller whose limits must hold: franka, ur or kinova, or one of panda, fr3, ur3e, ur5e, ur10e, "
-        "ur16e, gen3, or your own pk.controllers.Controller, FILE.py:NAME, whose file is run."
+        help="Controller whose limits must hold: a family (franka, ur, kinova), a model (panda, fr3, ur3e, ur5e, "
+        "ur10e, ur16e, gen3), or your own pk.controllers.Controller as FILE.py:NAME, whose file is run."
     ),
 ]
 OutOption = Annotated[Path | None, typer.Option(help="File to write, or folder of a bag (point-ID in the run).")]
 SlowDownOption = Annotated[
-    bool, typer.Option("--slow-down", help="Slow down as little as the controller's limits ask for.")
+    bool, typer.Option("--slow-down", help="Slow down as little as the controller's limits require.")
 ]
 TimeScaleOption = Annotated[float, typer.Option(help="Factor by which to slow down.")]
 RampOption = Annotated[float, typer.Option(help="Duration of the ramps at start and stop [s].")]
 JointsOption = Annotated[str | None, typer.Option(help="Order of the joints: NAME,NAME (the arm's).")]
-OverwriteOption = Annotated[bool, typer.Option(help="Replace a file that is there.")]
+OverwriteOption = Annotated[bool, typer.Option(help="Replace an existing file.")]
 
 
 def export(
@@ -219,7 +219,7 @@ def report(
     run: RunFolder,
     out: Annotated[Path | None, typer.Option(help="HTML file to write; report.html in the run's folder.")] = None,
     problem: RunProblem = None,
-    overwrite: Annotated[bool, typer.Option(help="Replace a file that is no report.")] = False,
+    overwrite: Annotated[bool, typer.Option(help="Replace a file that is not a report.")] = False,
     as_json: JsonFlag = False,
 ) -> None:
     """Write one self-contained HTML page about a run.
@@ -244,7 +244,7 @@ def compare(
     picture: Annotated[Path | None, typer.Option(help="Draw the fronts into this PNG.")] = None,
     merge: Annotated[Path | None, typer.Option(help="Folder to keep the nondominated points of all runs in.")] = None,
     overwrite: Annotated[
-        bool, typer.Option(help="Replace a run in the folder of --merge, or a file that is no picture of ours.")
+        bool, typer.Option(help="Replace a run in the folder of --merge, or a file that is not a picture by paretoik.")
     ] = False,
     as_json: JsonFlag = False,
 ) -> None:

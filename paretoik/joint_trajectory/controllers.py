@@ -34,12 +34,11 @@ class JointTrajectoryOptions:
     """Settings of sampling, checking and slowing down.
 
     rounding: share of a limit by which it may be exceeded
-    rest_velocity, rest_acceleration: shares of a joint's velocity and acceleration limits below which it is at rest;
-        without a limit, shares of the motion's largest value. Cubic splines leave about as much at the ends of a motion
-        that should have no acceleration there
-    slowest: largest factor by which a motion is slowed down; if a value still exceeds its limit then, it also does so
-        at rest, such as a gravity torque
-    ramps, usual_ramp: ramps [s] that are tried, from short to long, and the one that is advised if none is enough
+    rest_velocity: share of a joint's velocity limit (else the motion's largest velocity) below which it is at rest
+    rest_acceleration: same for acceleration; cubic splines leave about as much at an end without acceleration
+    slowest: largest factor by which a motion is slowed down; a limit still exceeded then is also exceeded at rest
+    ramps: ramps [s] that are tried, from short to long
+    usual_ramp: ramp [s] that is advised if none of these is enough
     rate: largest rate [Hz], at which times in whole nanoseconds still differ
     periods: largest number of periods; it needs some gigabytes
     whole: share of a period within which a duration is rounded to whole periods
@@ -69,9 +68,12 @@ JOINT_LIMITS = ("velocity", "acceleration", "jerk", "torque", "torque_rate")
 class Braking:
     """Velocity limits that shrink towards the ends of ranges, so that joints can brake.
 
-    q̇ ≤ √(2 d (q⁺ − q)) − offset, not below 0, and likewise towards q⁻: with ``double_deceleration`` 2 d (dof,)
-    [rad/s²], ``offset`` (dof,) [rad/s] and the ends ``position`` (dof, 2) [rad]. FCI documentation, Position-Based
-    Velocity Limits.
+    The upper limit is √(2 d (q⁺ − q)) − offset, at least 0; the lower one is alike towards q⁻. Source: FCI
+    documentation, Position-Based Velocity Limits.
+
+    double_deceleration: twice the deceleration, 2 d (dof,) [rad/s²]
+    offset: offset (dof,) [rad/s]
+    position: ends q⁻ and q⁺ of the ranges (dof, 2) [rad]
     """
 
     double_deceleration: Float[np.ndarray, " dof"]
@@ -89,7 +91,7 @@ class Braking:
             )
 
     def velocity_bounds(self, q: Float[np.ndarray, "time dof"]) -> Float[np.ndarray, "2 time dof"]:
-        """Return the lower and upper velocities [rad/s] that still allow to brake at joint positions q."""
+        """Return the lower and upper velocities [rad/s] from which joints at positions q can brake."""
         q = np.atleast_2d(joint_positions(q, len(self.position)))
         room = np.stack([q - self.position[:, 0], self.position[:, 1] - q])
         speed = np.maximum(np.sqrt(np.maximum(self.double_deceleration * room, 0.0)) - self.offset, 0.0)
@@ -100,8 +102,10 @@ class Braking:
 class Controller:
     """Properties of a robot's controller: its joints, its rate and its limits.
 
-    name, source: name of the controller, and origin of the figures
-    joint_names, other_joint_names: names of the joints, and of the same joints in other files of the vendor
+    name: name of the controller
+    source: origin of the figures
+    joint_names: names of the joints
+    other_joint_names: names of the same joints in other files of the vendor
     rate: number of commands per second [Hz]
     position: limits (lower, upper), symmetric ones, or an array (dof, 2) [rad, m]
     velocity, acceleration, jerk: symmetric limits [rad/s, rad/s², rad/s³], one number or one per joint
@@ -143,7 +147,7 @@ class Controller:
         lists = read_list("other_joint_names", self.other_joint_names, list | tuple, "lists of joint names")
         others = [check_joint_names("other_joint_names", each) for each in lists]
         if any(len(each) != len(names) for each in others):
-            raise InvalidInput(f"{about}: other_joint_names must have {len(names)} per list, got {shown(others)}")
+            raise InvalidInput(f"{about}: other_joint_names must have {len(names)} names per list, got {shown(others)}")
         assign(self, "rate", positive_number(f"{about}: rate", self.rate, "Hz"))
         check_flag(f"{about}: rest_acceleration", self.rest_acceleration)
         position = self.position
@@ -168,11 +172,11 @@ class Controller:
         return np.stack([np.maximum(bounds[0], lower), np.minimum(bounds[1], upper)])
 
     def moves(self, arm: Arm) -> bool:
-        """Return whether an arm has the controller's joints, by name, with a prefix or without."""
+        """Return whether an arm has the controller's joints; all names may have one prefix."""
         return self._order(arm) is not None
 
     def arranged_for(self, arm: Arm) -> Controller:
-        """Return the controller with its joints in the order of the arm's, matched by name, with a prefix or without.
+        """Return the controller with its joints in the order of the arm's. Names may have one prefix.
 
         Raises InvalidInput if the joints are not the same.
         """
@@ -352,7 +356,7 @@ def find_controller(controller: str | Controller, arm: Arm) -> Controller:
                 models = ", ".join(each.name for each in matching)
                 raise InvalidInput(
                     f"controller must be one of {models}, got {shown(controller)}: "
-                    f"joints and name of {arm.name} do not decide"
+                    f"joints and name of {arm.name} do not say which"
                 )
             controller = (named if len(named) == 1 else matching)[0]
         else:

@@ -25,12 +25,21 @@ from paretoik.task.motion import Motion
 # as derivatives of the curve itself; its jerk is the change of its acceleration over a period.
 
 
-UNITS = JOINT_UNITS | {"jerk": ("rad/s³", "m/s³"), "torque rate": ("N m/s", "N/s")}  # of turning and sliding joints
+UNITS = JOINT_UNITS | {"jerk": ("rad/s³", "m/s³"), "torque rate": ("N m/s", "N/s")}  # of revolute and prismatic joints
 
 
 @dataclass(frozen=True, kw_only=True)
 class LimitUse:
-    """The largest use of a kind of limit: a joint's ``value`` at ``time`` [s]; ``use`` 1 is all of ``limit``."""
+    """The largest use of a kind of limit.
+
+    quantity: kind of limit
+    joint: name of the joint
+    prismatic: whether the joint is prismatic
+    time: time [s] of the value
+    value: value of the quantity
+    limit: limit of the quantity
+    use: share of the limit that is used; 1 at the limit
+    """
 
     quantity: str
     joint: str
@@ -59,7 +68,7 @@ def limit_uses(trajectory: JointTrajectory, controller: Controller, arm: Arm) ->
     """
     q, rate = trajectory.q, (len(trajectory.time) - 1) / trajectory.time[-1]
     lower, upper = controller.position.T
-    # A range with one end counts as 2 rad, or m, wide: it has no middle, and is not used far from its end.
+    # A range with one end counts as 2 rad, or m, wide: it has no midpoint, and is not used far from its end.
     low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2.0, -1.0))
     high = np.where(np.isfinite(upper), upper, np.where(np.isfinite(lower), lower + 2.0, 1.0))
     middle = (low + high) / 2
@@ -89,7 +98,7 @@ def limit_uses(trajectory: JointTrajectory, controller: Controller, arm: Arm) ->
 
     largest: dict[str, LimitUse] = {}
     for quantity, values, (low, high), first in compared:
-        # the share of its limit that each value uses: 1 at the limit, 0 at 0 or in the middle of a range
+        # the share of its limit that each value uses: 1 at the limit, 0 at 0 or at the midpoint of a range
         center = middle if quantity == "position" else np.zeros(arm.dof)
         distance = values - center
         room = np.where(distance < 0, center - low, high - center)
@@ -195,8 +204,8 @@ def fit_motion(
     for use in uses:
         if use.exceeded and use.quantity not in ORDERS:
             advice = (
-                "no slowing down helps: plan with pk.Limits(position=...) inside the controller's, and refine: "
-                "certified motions keep them between samples too"
+                "slowing down does not help: plan with pk.Limits(position=...) inside the controller's, and refine: "
+                "certified motions satisfy them between samples too"
             )
             raise _refusal(motion, controller, use, advice)
     if moving is None and not (uses and uses[0].exceeded):
@@ -219,11 +228,11 @@ def fit_motion(
             raise _refusal(motion, controller, moving, advice)
     slowed = slow_down(scaling, lambda each: _measure(motion, each, controller)[0])
     if slowed is None:
-        raise _refusal(motion, controller, uses[0], "no slowing down helps: at rest it is as much")
+        raise _refusal(motion, controller, uses[0], "slowing down does not help: at rest it is as large")
     if slower:
         return sample_motion(motion, slowed), slowed, _measure(motion, slowed, controller)[0]
     scale = f"{slowed.factor * (1 + 5e-5):.4f}"  # rounded up
-    advice = f"slowed down {scale} times it keeps every limit: time_scale={scale} or slow_down=True (--slow-down)"
+    advice = f"slowed down {scale} times it satisfies every limit: time_scale={scale} or slow_down=True (--slow-down)"
     raise _refusal(motion, controller, moving or uses[0], advice)
 
 

@@ -28,7 +28,7 @@ from paretoik.runs.files import array_bytes, check_target, table_bytes, to_json
 def csv_bytes(trajectory: JointTrajectory) -> bytes:
     """Return a CSV: lines of metadata after ``# ``, the names of the columns, then one line per sample.
 
-    ``numpy.genfromtxt(file, delimiter=",")[1:]`` reads the numbers; readers of tables take ``#`` for a comment.
+    ``numpy.genfromtxt(file, delimiter=",")[1:]`` reads the numbers; for other readers ``#`` begins a comment.
     """
     text = io.StringIO(comment_lines(trajectory))
     text.seek(0, io.SEEK_END)
@@ -48,7 +48,7 @@ def parquet_bytes(trajectory: JointTrajectory) -> bytes:
 
 
 def npz_bytes(trajectory: JointTrajectory) -> bytes:
-    """Return an NPZ of ``joint_names``, ``time``, ``q``, ``dq``, ``ddq`` and ``metadata``, JSON; without pickle."""
+    """Return an NPZ of ``joint_names``, ``time``, ``q``, ``dq``, ``ddq`` and ``metadata`` (JSON), without pickle."""
     arrays = {"joint_names": np.array(trajectory.joint_names, dtype=np.str_)}
     arrays |= {name: getattr(trajectory, name) for name in ("time", "q", "dq", "ddq")}
     return array_bytes(arrays | {"metadata": np.array(metadata_json(trajectory), dtype=np.str_)})
@@ -107,20 +107,20 @@ def yaml_bytes(trajectory: JointTrajectory) -> bytes:
 
 
 def check_bag(folder: Path, *, overwrite: bool) -> None:
-    """Raise InvalidInput if a folder may not become a bag.
+    """Raise InvalidInput if no bag may be written to a folder.
 
-    Only an existing bag may be replaced, and only with ``overwrite``.
+    An existing bag may be replaced, but only with ``overwrite``.
     """
     check_target("bag", folder, overwrite=overwrite, folder=True)
     file = folder / "metadata.yaml"
     is_bag = not folder.is_symlink() and file.is_file()
     is_bag = is_bag and file.read_bytes().startswith(b"rosbag2_bagfile_information")
     if os.path.lexists(folder) and not is_bag:
-        raise InvalidInput(f"{folder} must be a bag to replace, or nothing, got something else")
+        raise InvalidInput(f"{folder} must be a bag or not exist, got something else")
 
 
 def write_bag(trajectory: JointTrajectory, folder: Path) -> None:
-    """Write a bag, a folder, whole or not at all; an existing one is replaced.
+    """Write a bag (a folder) completely or not at all; an existing one is replaced.
 
     Raises InvalidInput if ``check_bag`` does, or the system refuses.
     """
@@ -195,14 +195,14 @@ def find_format(file: Path, name: str | None) -> Format:
     names = ", ".join(FORMATS)
     if name is None:
         if file.suffix not in ENDINGS:
-            raise InvalidInput(f"{file} must have a format of {names}, or an ending of {', '.join(ENDINGS)}, got none")
+            raise InvalidInput(f"{file} must end in {', '.join(ENDINGS)}, or have a format of {names}, got neither")
         return ENDINGS[file.suffix]
     check_choice("format", name, FORMATS)
     return cast(Format, name)
 
 
 def write_trajectory(trajectory: JointTrajectory, file: Path, kind: Format) -> None:
-    """Write a trajectory into a file, or for a bag a folder, whole or not at all.
+    """Write a trajectory into a file, or for a bag a folder, completely or not at all.
 
     Raises InvalidInput if the system refuses.
     """

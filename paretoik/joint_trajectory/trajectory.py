@@ -24,7 +24,7 @@ from paretoik.task.motion import Motion
 
 @dataclass(frozen=True, kw_only=True)
 class TimeScaling:
-    """A motion of ``duration`` [s] in a number of ``periods`` of a controller of ``rate`` [Hz].
+    """A motion of ``duration`` [s], spread over ``periods`` of a controller of ``rate`` [Hz].
 
     With a ``ramp`` [s of the motion's own speed] it starts from rest and comes to rest: σ̇ rises from 0 to its full
     value by 10x³ − 15x⁴ + 6x⁵, the minimum-jerk law, and falls in the same way, so that velocity, acceleration and jerk
@@ -72,20 +72,20 @@ class TimeScaling:
 
 
 def time_scaling(duration: float, rate: float, *, time_scale: float = 1.0, ramp: float = 0.0) -> TimeScaling:
-    """Return the scaling of a motion by ``time_scale``, or a little more, so that it takes whole periods.
+    """Return the scaling of a motion; ``time_scale`` is rounded up so that it takes whole periods.
 
     Raises InvalidInput for a time scale below 1, a ramp shorter than a period or longer than the motion, and a
     rate with too few or too many periods.
     """
     scale, ramp = positive_number("time_scale", time_scale, ""), finite_number("ramp", ramp)
     if scale < 1:
-        raise InvalidInput(f"time_scale must be 1 or more, to slow down, got {scale:g}; faster is another motion")
+        raise InvalidInput(f"time_scale must be 1 or more, to slow down, got {scale:g}; plan a faster motion instead")
     if ramp != 0 and not 1 / rate <= ramp <= duration:
         raise InvalidInput(f"ramp must be 0, or from one period to the motion's {duration:g} s, got {ramp:g} s")
     periods = np.ceil((duration + ramp) * scale * rate - OPTIONS.whole)
     if rate > OPTIONS.rate or not 3 <= periods <= OPTIONS.periods:
         wish = f"at most {OPTIONS.rate:g} Hz, and from 3 to {OPTIONS.periods} periods"
-        raise InvalidInput(f"rate and time_scale must be {wish}, got {rate:g} Hz for {(duration + ramp) * scale:g} s")
+        raise InvalidInput(f"rate and time_scale must give {wish}, got {rate:g} Hz for {(duration + ramp) * scale:g} s")
     return TimeScaling(duration=duration, periods=int(periods), rate=rate, ramp=ramp)
 
 
@@ -97,10 +97,12 @@ JointSeries = Float[np.ndarray, "time dof"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointTrajectory:
-    """Samples of one motion for a controller: ``time`` (time,) [s] from 0, evenly spaced in whole nanoseconds.
+    """Samples of one motion for a controller. Arrays are read-only.
 
-    ``q``, ``dq`` and ``ddq`` (time, dof) [rad, m; per s; per s²] have one column for each of ``joint_names``;
-    ``metadata`` describes the motion, and how the samples were made. Arrays are read-only.
+    joint_names: names of the joints, one per column
+    time: times (time,) [s] from 0, evenly spaced, in whole nanoseconds
+    q, dq, ddq: positions, velocities and accelerations (time, dof) [rad, m; per s; per s²]
+    metadata: entries about the motion and its sampling
     """
 
     joint_names: tuple[str, ...]
@@ -135,10 +137,10 @@ class JointTrajectory:
 def same_joints(joint_names: object, joints: Sequence[str]) -> tuple[str, ...]:
     """Return joint names in their order; raises InvalidInput if they are not those of ``joints``, each once."""
     names = check_joint_names("joint_names", joint_names)
-    for listed, others, fact in ((names, joints, "which is not among them"), (joints, names, "which is missing")):
+    for listed, others, fact in ((names, joints, "got the unknown"), (joints, names, "got no")):
         strange = next((joint for joint in listed if joint not in others), None)
         if strange is not None:
-            raise InvalidInput(f"joint_names must be {', '.join(joints)} in any order, got {shown(strange)}, {fact}")
+            raise InvalidInput(f"joint_names must be {', '.join(joints)} in any order, {fact} {shown(strange)}")
     return names
 
 

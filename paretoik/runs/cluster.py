@@ -40,12 +40,12 @@ from paretoik.stop_flag import STOP, Interrupted
 
 @dataclass(frozen=True, kw_only=True)
 class ClusterOptions:
-    """Sizes of tasks, and longest silences [s].
+    """Sizes of tasks, and timeouts [s].
 
     portion: seconds of work in a task; a task is never larger than an even share of the remaining items
     overhead: further seconds of work per thread, since every task passes through one scheduler and one client
     shares: number of shares per thread into which the remaining items are divided
-    ahead: number of tasks per thread at the scheduler
+    ahead: number of tasks per thread that the scheduler has
     interval: time between two checks for a signal
     watch: time between two checks of the workers
     connection: time until a process must listen at the address; a scheduler that is silent for longer is reported
@@ -69,8 +69,10 @@ OPTIONS = ClusterOptions()
 
 
 class Task(NamedTuple):
-    """A pickled function with pickled pairs of place and item, as bytes.
+    """The work of one message to the scheduler.
 
+    function: pickled function
+    items: pickled pairs (place, item)
     key: key of the shared object
     seconds: longest time for an item, None for no limit
     software: versions that the worker must have
@@ -115,12 +117,12 @@ _LOCAL = _Local()
 
 
 def itself(shared: bytes) -> bytes:
-    """Return the shared object; as a task's result, Dask sends it also to workers that replace others."""
+    """Return the shared object: Dask sends a task's result also to workers that join later."""
     return shared
 
 
 def run_task(shared: bytes, task: Task) -> Computed | str:
-    """Return the replies to the items of a task, or why this worker does not compute: it has other versions."""
+    """Return the replies to a task's items, or text on a version of this worker that differs."""
     for name, number in task.software.items():
         if (here := software().get(name, "none")) != number:
             return f"{name} must be {number}, got {here}"
@@ -190,8 +192,8 @@ def connect(address: str, options: ClusterOptions, tell: Callable[[str], None]) 
 
 def _slow(address: str, options: ClusterOptions) -> str:
     """Return the warning that a scheduler is slow to answer."""
-    silent = f"the scheduler at {address} has not answered for {options.connection:g} s, its machine may be busy"
-    return f"{silent}; it is waited for, {options.patience:g} s at most"
+    silent = f"the scheduler at {address} has not answered for {options.connection:g} s, perhaps its machine is busy"
+    return f"{silent}; waiting for it, {options.patience:g} s at most"
 
 
 # The cluster, and the items of one call on their way through it.
@@ -284,7 +286,7 @@ class Cluster:
         return future.status != "pending"  # a failure reappears in the tasks that need the object
 
     def wait_for(self, function: Callable[[], Awaitable[Any]], seconds: float, *, slow: str = "") -> Any:
-        """Return the result of a function run in Dask's thread; warn if it is ``slow``.
+        """Return the result of a function run in Dask's thread; warn by ``slow``, if given, when it takes long.
 
         Raises TimeoutError after ``seconds``, Interrupted soon after a signal, and what the function raises.
         """
@@ -342,7 +344,7 @@ class ClusterWatch:
         self.missing = now if self.missing is None else self.missing
         if now - self.missing > self.options.patience:
             self._give_up(what)
-        told = f"no {what} at {self.cluster.address}; one is waited for, {self.options.patience:g} s at most"
+        told = f"no {what} at {self.cluster.address}; waiting for one, {self.options.patience:g} s at most"
         self.cluster.tell(told)
 
     def _give_up(self, what: str) -> NoReturn:
@@ -425,9 +427,7 @@ class _Round:
             if future.status in CANCELLED:  # the scheduler has lost the task
                 self.pending.extendleft(reversed(places))
             elif not isinstance(error, KilledWorker):
-                raise InvalidInput(
-                    f"cluster: workers must be able to unpickle the task, got {cause_of(error)}"
-                ) from error
+                raise InvalidInput(f"cluster: workers cannot unpickle the task: {cause_of(error)}") from error
             elif alone and len(places) == 1:
                 self.answered += 1
                 yield places[0], Lost(cause=f"{error.allowed_failures + 1} workers ended on it")

@@ -1,4 +1,4 @@
-"""Computes pure functions of many items, here or in workers.
+"""Computes pure functions of many items, in this process or in workers.
 
 An executor of ``runs.executor`` sends items to workers; a verb sets one while it runs, like the journal. Results are
 the same for every executor: each depends only on the function, the shared object and the item. Results are stored at
@@ -29,7 +29,10 @@ from paretoik.stop_flag import check_interruption
 
 
 def pickled(what: str, value: Any) -> bytes:
-    """Return a value as bytes that load without the user's files; raises InvalidInput, with ``what``, if it cannot."""
+    """Return a value as bytes that load without the user's files.
+
+    Raises InvalidInput, with ``what``, if the value cannot be pickled.
+    """
     by_value = cloudpickle.list_registry_pickle_by_value()
     modules = [module for name, module in sys.modules.copy().items() if _is_users_module(name)]
     added = [module for module in modules if module.__name__ not in by_value]
@@ -38,7 +41,7 @@ def pickled(what: str, value: Any) -> bytes:
     try:
         return bytes(cloudpickle.dumps(value))
     except Exception as error:  # users' code may raise any error
-        raise InvalidInput(f"workers: {what} must be picklable, got {cause_of(error)}") from error
+        raise InvalidInput(f"workers: {what} cannot be pickled: {cause_of(error)}") from error
     finally:
         for module in added:
             cloudpickle.unregister_pickle_by_value(module)
@@ -79,7 +82,7 @@ class Lost(NamedTuple):
 
 Reply: TypeAlias = Done | Raised | Lost
 Function: TypeAlias = Callable[[Any, Any], Any]
-"""Takes the shared object and an item; a function at the top of a module that depends on nothing else."""
+"""Takes the shared object and an item. It is defined at the top level of a module, and depends on nothing else."""
 
 
 @runtime_checkable
@@ -104,7 +107,7 @@ class Executor(Protocol):
 
 @dataclass(kw_only=True, eq=False)
 class _Account:
-    """Seconds waited for workers, and seconds that they computed; they save no time if they computed for less."""
+    """Seconds waited for workers, and seconds that they computed; they save no time if the second is less."""
 
     executor: Executor
     waited: float = 0.0
@@ -120,7 +123,7 @@ _IN_WORKER = [False]
 
 @contextmanager
 def distributing(active: Executor | None) -> Iterator[None]:
-    """Compute what the body distributes by an executor. None changes nothing, nor does a call within another's body."""
+    """Compute what the body distributes by an executor; None, or a nested call, changes nothing."""
     if active is None or _ACTIVE:
         yield
         return
@@ -177,8 +180,8 @@ def distribute(
         account.told = True
         if account.computed < account.waited:
             computed, waited = (1000 * each / max(account.items, 1) for each in (account.computed, account.waited))
-            text = f"workers: they do not pay here, a task takes {computed:.2g} ms to compute and {waited:.2g} ms with"
-            warn_user(f"{text} them; the run is faster without")
+            text = f"workers save no time: a task takes {computed:.2g} ms to compute, but {waited:.2g} ms with workers"
+            warn_user(f"{text}; the run is faster without")
     if errors:
         raise errors[min(errors)]
 

@@ -85,7 +85,7 @@ def check_workers(workers: int | None, cluster: str | None) -> None:
 
 @contextmanager
 def open_executor(workers: int | None, cluster: str | None, *, isolated: bool = False) -> Iterator[None]:
-    """Compute what the body distributes in workers, a cluster, or here.
+    """Set where items of the body are computed: workers, a cluster, or this process.
 
     ``isolated`` starts one worker if neither workers nor a cluster are given: a worker can be killed when an evaluation
     takes too long. Raises InvalidInput if there is no such cluster.

@@ -1,8 +1,8 @@
 """Replaces files completely or not at all, one or several together.
 
-Every file is written under another name, synchronised and renamed. Several files are written into the folder `.saved`
-within their folder, and then move into place. They are saved once this folder has its name: if the process is killed
-while they move, the next process that reads or writes there moves the rest. Before that the former files are unchanged.
+One file is written under another name, synchronised and renamed. Several files are written into a temporary folder,
+which is renamed to `.saved`; then they move into place. If the process is killed while they move, the next process that
+reads or writes there moves the rest. If it is killed before the renaming, the former files are unchanged.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ SAVED = ".saved"  # a folder of complete files that move into the folder around 
 def replace_file(file: Path, content: bytes, *, check: Callable[[Path], object] | None = None) -> None:
     """Write ``content`` to ``file`` through a temporary file; make folders.
 
-    No reader sees a part. ``check`` gets the temporary file before it replaces the former one. Raises InvalidInput if
-    the system refuses, as on a full disk, and what ``check`` raises; the former file is then unchanged.
+    No reader sees an incomplete file. ``check`` gets the temporary file before it replaces the former one. Raises
+    InvalidInput if the system refuses, as on a full disk, and what ``check`` raises; the former file is then unchanged.
     """
     if file.name in ("", ".."):
         raise InvalidInput(f"{file} must be a file to write, got a folder")
@@ -63,7 +63,7 @@ def replace_files(folder: Path, contents: Mapping[str, bytes]) -> None:
 
 
 def move_files(names: Iterable[str], source: Path, target: Path) -> None:
-    """Move existing entries with these names from folder to folder."""
+    """Move existing entries with these names from ``source`` to ``target``."""
     for name in names:
         with suppress(FileNotFoundError):
             (source / name).rename(target / name)
@@ -79,7 +79,7 @@ def remove(place: Path) -> None:
 
 @contextmanager
 def only_writer(folder: Path) -> Iterator[None]:
-    """Lock a folder, made if necessary, while the body replaces its files, so that no other process does.
+    """Lock a folder while the body replaces its files; make it if necessary.
 
     Files that a killed process saved there move into place first. The lock ends with the process. Raises InvalidInput
     if the system refuses.

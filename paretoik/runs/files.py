@@ -33,7 +33,7 @@ def read_arrays(content: bytes) -> dict[str, np.ndarray]:
 
 
 def read_table(content: bytes) -> Any:
-    """Return the Arrow table of a Parquet file, with present column names; raises what Arrow raises."""
+    """Return the Arrow table of a Parquet file, with current column names; raises what Arrow raises."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -161,7 +161,7 @@ def read_run(file: Path, *, kind: str = "a run") -> dict[str, Any]:
     try:
         run = json.loads(content, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as fault:
-        raise InvalidRun(f"{file} must be strict JSON, got {fault}") from fault
+        raise InvalidRun(f"{file}: not strict JSON: {fault}") from fault
     if not isinstance(run, dict) or "format" not in run:
         raise InvalidRun(f"{file} must be {kind}, got JSON without a format")
     if run["format"] != FORMAT:
@@ -252,7 +252,7 @@ def to_json(value: Any, *, name: str = "run") -> Any:
         case list() | tuple():
             return [to_json(item, name=f"{name}[{index}]") for index, item in enumerate(value)]
         case _:
-            raise InvalidInput(f"{name} must be what JSON can hold, got {type(value).__name__}")
+            raise InvalidInput(f"{name} must be JSON data, got {type(value).__name__}")
 
 
 def read_plain_file(file: Path) -> bytes:

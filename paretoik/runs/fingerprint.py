@@ -59,11 +59,11 @@ def check_fingerprint(problem: object, stored: object, *, wish: str) -> None:
     """
     if not isinstance(stored, str) or not stored.startswith(f"{SCHEME}:"):
         raise InvalidInput(
-            f"{wish}, got a run of another version of paretoik, whose fingerprints cannot be compared: whether it is "
-            "of this problem is not known"
+            f"{wish}, got a run of another version of paretoik, whose fingerprints cannot be compared: it may or "
+            "may not be of this problem"
         )
     if fingerprint(problem) != stored:
-        raise InvalidInput(f"{wish}, got one whose fingerprint is another")
+        raise InvalidInput(f"{wish}, got one with another fingerprint")
 
 
 # Digests of values: equal for equal values, in all processes.
@@ -164,7 +164,7 @@ class Digester:
         return joined("object", self.digest(kind), *exact, *rounded)
 
     def _array(self, array: np.ndarray) -> bytes:
-        """Return the digest of an array; numbers that are equal in value have one, as both zeros."""
+        """Return the digest of an array; equal numbers, such as 0 and −0, have equal digests."""
         shape, kind = str(array.shape).encode(), array.dtype.kind
         if kind == "O":
             return joined("items", shape, self.digest(array.tolist()))
@@ -182,7 +182,7 @@ class Digester:
 # The parts of a class and of its objects.
 
 
-OWNERS = ("self", "cls", "super()")  # an object in the code of its own methods
+OWNERS = ("self", "cls", "super()")  # names of an object in its own methods
 CONSTRUCTION = ("__init__", "__post_init__", "__new__", "__init_subclass__")
 EVALUATING = frozenset(  # methods of a problem that a search calls
     {"_evaluate", "evaluate", "__call__", "decode", "encode", "explain", "species", "sample_starts", "algorithm"}
@@ -220,10 +220,11 @@ def class_parts(kind: type) -> dict[str, object]:
 
 
 def object_state(value: Any) -> Mapping[str, object]:
-    """Return the defining attributes of an object by name, without values computed from them later.
+    """Return the attributes that define an object, by name, without values that are computed from them.
 
-    Data classes count by their fields; objects of users, paretoik's objects and pymoo problems by their attributes,
-    except those that an evaluation writes; library objects by the parts that pickle takes.
+    - data classes: fields
+    - users' and paretoik's objects, pymoo problems: attributes, except those that an evaluation writes
+    - other libraries' objects: the parts that pickle takes
     """
     kind = type(value)
     if is_dataclass(kind):

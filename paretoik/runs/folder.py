@@ -106,8 +106,8 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
 
     If the body ends with a result of the new run, the files of the former run are removed, and nothing else. Without a
     result they are restored. If the process is killed, the next one that locks the folder restores them. Raises
-    InvalidInput if the folder cannot be made, contains something other than a run, contains a run with a result or one
-    to resume without `overwrite`, or if another process is writing into it.
+    InvalidInput if the folder cannot be made, contains something other than a run, or is written by another process;
+    and, unless ``overwrite``, if it contains a run that has a result or can resume.
     """
     place = Path(folder)
     with _refusal(place):
@@ -126,7 +126,7 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
 
 
 def _check_replaceable(place: Path, *, overwrite: bool) -> None:
-    """Raise InvalidInput for a run with a result, or one that can resume, without ``overwrite``."""
+    """Raise InvalidInput if a run has a result or can resume, unless ``overwrite``."""
     if not overwrite and (has_result(place) or was_cut_off(place)):
         raise InvalidInput(f"{place} must be a new folder, got one that holds a run; use --overwrite to replace it")
 
@@ -141,7 +141,7 @@ def lock_folder(place: Path) -> Iterator[Path]:
         with _refusal(place), only_writer(place):
             restored = settle(place)
         if restored:
-            warn_user(f"{place}: the process that was to replace its run ended without a result; that run is back")
+            warn_user(f"{place}: the process that was to replace its run ended without a result; the run was restored")
         yield place
 
 

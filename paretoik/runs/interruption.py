@@ -39,7 +39,7 @@ class TimeLimit:
 
     @contextmanager
     def limiting_calls(self, end: Callable[[], object] = bool) -> Iterator[None]:
-        """End users' calls in the body after the limit. They raise Interrupted, after a call of ``end()``."""
+        """End users' calls in the body after the limit: call ``end()``, then raise Interrupted."""
         if self.seconds is None:
             yield
             return
@@ -106,13 +106,13 @@ def time_limit(seconds: float | None) -> Iterator[TimeLimit]:
 
 
 def time_is_up() -> bool:
-    """Return whether a signal came, or an active time limit or its part before reserved time was reached."""
+    """Return whether a signal came, or an active time limit, less its reserved time, was reached."""
     return bool(STOP[0]) or any(limit.reached for limit in _TIME_LIMIT)
 
 
 @contextmanager
 def limited_evaluations(seconds: float | None, *, allowed: float = inf) -> Iterator[None]:
-    """End calls of users' functions in the body after a time by EvaluationFailed; None sets no limit.
+    """End each call of a user's function in the body after ``seconds`` by EvaluationFailed; None sets no limit.
 
     After ``allowed`` such calls the next one raises Interrupted, with the reason.
     """

@@ -103,7 +103,7 @@ class Journal:
                 written = 0
                 while written < len(frame):
                     written += os.pwrite(self._descriptor, frame[written:], self._end + written)
-                self._sync(every=1.0)  # s: a frame survives the process at once, a power cut when it is on the disk
+                self._sync(every=1.0)  # s: a frame survives a killed process at once, a power cut only on the disk
             except OSError as fault:
                 self._is_full = True
                 os.ftruncate(self._descriptor, self._end)

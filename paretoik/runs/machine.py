@@ -68,5 +68,5 @@ def processor() -> tuple[str, ...]:
 
 @cache  # it takes some milliseconds, and comes with every task
 def software() -> Mapping[str, str]:
-    """Return the versions that a worker must have, by name; messages need the same version of Python."""
+    """Return the versions that a worker must have, by name; pickles need the same version of Python."""
     return {"Python": ".".join(platform.python_version_tuple()[:2]), **versions()}

@@ -85,7 +85,7 @@ def _send(connection: Connection, place: int, reply: Done | Raised | None) -> No
     try:
         message = cloudpickle.dumps((place, reply))
     except Exception as error:  # users' errors need not be picklable
-        refusal = InvalidInput(f"workers: a result must be picklable, got {cause_of(error)}")
+        refusal = InvalidInput(f"workers: a result cannot be pickled: {cause_of(error)}")
         message = cloudpickle.dumps((place, Raised(error=refusal)))
     connection.send_bytes(message)
 
@@ -101,7 +101,7 @@ ONE_THREAD = {f"{name}_THREADS" if "_" in name else f"{name}_NUM_THREADS": "1" f
 class WorkerOptions:
     """Sizes of messages to workers, and limits.
 
-    portion: seconds of items in a message; at most one share of the remaining items
+    portion: seconds of work in a message, which has at most one share of the remaining items
     shares: number of shares per worker into which the remaining items are divided
     allowed_failures: number of workers that may end on an item; after one more the item is lost
     loading: further seconds for the first item of a worker, which loads code from the disk

@@ -1,4 +1,4 @@
-"""A user's code: its origin, the syntax that runs, and the outside values of a function."""
+"""A user's code: its origin, the syntax that runs, and the outside values that a function uses."""
 
 from __future__ import annotations
 import __future__
@@ -79,7 +79,7 @@ def syntax_of(function: FunctionType) -> Function | None:
     source = "".join(linecache.getlines(code.co_filename, function.__globals__))
     codes, starts = _parse(source, code.co_filename, code.co_flags & __future__.annotations.compiler_flag)
     nodes = starts.get((code.co_name, code.co_firstlineno), []) if code in codes else []
-    return nodes[0] if len(nodes) == 1 else None  # of several lambdas in one line the bytecode counts
+    return nodes[0] if len(nodes) == 1 else None  # for several lambdas in one line the bytecode counts
 
 
 @lru_cache(maxsize=32)

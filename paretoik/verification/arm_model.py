@@ -31,21 +31,21 @@ class ArmModel:
 
     @cached_property
     def length(self) -> float:
-        """Length [m] of the stretched arm, slides at 0; the unit of positions."""
+        """Length [m] of the stretched arm, prismatic joints at 0; it is the unit of positions."""
         offsets = [*self.arm.placements[1:], self.arm.tool]
         length = float(sum(np.linalg.norm(pose.position) for pose in offsets))
-        slides = [limits for limits, each in zip(self.arm.position_limits, self.turning, strict=True) if not each]
-        ranges = [high - low for low, high in slides if np.isfinite(high - low)]
+        prismatic = [limits for limits, each in zip(self.arm.position_limits, self.turning, strict=True) if not each]
+        ranges = [high - low for low, high in prismatic if np.isfinite(high - low)]
         return length or max(ranges, default=0.0) or 1.0
 
     @cached_property
     def turning(self) -> np.ndarray:
-        """Which joints turn (dof,); the others slide."""
+        """Whether each joint is revolute (dof,); others are prismatic."""
         return np.array([kind != "prismatic" for kind in self.arm.joint_types])
 
     @cached_property
     def scales(self) -> np.ndarray:
-        """Units of joints (dof,): 1 rad, or for a slide the arm's length [m]."""
+        """Units of joints (dof,): 1 rad, or the arm's length [m] if prismatic."""
         return np.where(self.turning, 1.0, self.length)
 
     def torques(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
@@ -109,7 +109,7 @@ class ArmModel:
         return nodes
 
     def reaches(self, q: np.ndarray) -> np.ndarray:
-        """Return the largest move (dof,) [m] of any node per rad or m of each joint, with slides as at ``q``."""
+        """Return the largest displacement (dof,) [m] of a node per rad or m of each joint, in any posture of ``q``."""
         lengths = np.array([np.linalg.norm(pose.position) for pose in (*self.arm.placements[1:], self.arm.tool)])
         travel = np.where(self.turning, 0.0, np.abs(q).max(axis=0))
         after = np.cumsum((lengths + np.append(travel[1:], 0.0))[::-1])[::-1]

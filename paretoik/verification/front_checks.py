@@ -48,11 +48,13 @@ def check_tables(run: RunContents) -> Iterator[Check]:
     yield demand("ids", len(set(ids.tolist())) == len(ids), "an id is in the table twice")
     declared = run.entries.get("points")
     if declared is not None:
-        yield demand("ids", declared == len(ids), f"run.json says {declared} points, the table has {len(ids)}")
+        yield demand("ids", declared == len(ids), f"run.json says {declared} points, but the table has {len(ids)}")
     for each in run.objectives:
         name = str(each.get("name"))
-        yield demand("objectives' names", name in run.table, f"run.json names {name!r}, the table has no such column")
-    yield demand("finite values", np.isfinite(values).all(), "an objective in the table is no finite number")
+        yield demand(
+            "objectives' names", name in run.table, f"run.json names {name!r}, but the table has no such column"
+        )
+    yield demand("finite values", np.isfinite(values).all(), "an objective in the table is not finite")
     # no point dominates another; the optima of a plan are in order, the best first
     F = values * run.signs
     if run.is_plan:
@@ -66,7 +68,7 @@ def check_tables(run: RunContents) -> Iterator[Check]:
             yield demand("non-domination", not better.any(), f"point {by} dominates it", point=int(ids[row]))
         for each in run.objectives:
             low, high = (float(side) for side in each.get("range", (np.nan, np.nan)))
-            yield demand("ranges", low <= high, f"the range of {each.get('name')} in run.json is no range")
+            yield demand("ranges", low <= high, f"the range of {each.get('name')} in run.json is not lower ≤ upper")
     yield from _check_arrays(run)
     if not run.is_plan and np.isfinite(run.table.get("criticality", np.nan)).any():
         yield from _check_rates(run)
@@ -81,15 +83,13 @@ def _check_arrays(run: RunContents) -> Iterator[Check]:
     stored = np.asarray(arrays.get("id", np.empty(0)))
     yield demand("ids", np.array_equal(stored, run.ids), "motions.npz has other ids than the table")
     fits = q.ndim == 3 and time.shape == q.shape[:2] and joints.shape == q.shape[2:] and len(q) == len(run.ids)
-    yield demand(
-        "shapes", fits, f"q {q.shape}, time {time.shape} and joint_names {joints.shape} do not belong together"
-    )
+    yield demand("shapes", fits, f"q {q.shape}, time {time.shape} and joint_names {joints.shape} do not match in shape")
     if not fits:
         return
     yield demand("joint names", len(set(joints.tolist())) == len(joints), "a joint is in motions.npz twice")
     for row, number in enumerate(run.ids.tolist()):
         finite = np.isfinite(q[row]).all() and np.isfinite(time[row]).all()
-        yield demand("finite motions", finite, "a joint position or a time is no finite number", point=number)
+        yield demand("finite motions", finite, "a joint position or a time is not finite", point=number)
         yield demand("times", (np.diff(time[row]) > 0).all(), "times do not increase", point=number)
 
 
@@ -98,12 +98,12 @@ def _check_rates(run: RunContents) -> Iterator[Check]:
     arrays, size = run.motions, run.ranges
     for name in ("weights", "exchange_rates", "exchange_intervals"):
         if name not in arrays or len(arrays[name]) != len(run.ids):
-            yield demand("certificates", False, f"motions.npz has no {name} of all points")
+            yield demand("certificates", False, f"motions.npz has no {name} for all points")
             return
     for row, number in enumerate(run.ids.tolist()):
         weights = np.asarray(arrays["weights"][row])
         status = str(run.table["status"][row])
-        yield demand("certificates", status in STATUSES, f"{status!r} is no status", point=number)
+        yield demand("certificates", status in STATUSES, f"{status!r} is not a status", point=number)
         if not np.isfinite(weights).all():
             yield leave_out("exchange rates", "no weights were found", point=number)
             continue
@@ -112,7 +112,7 @@ def _check_rates(run: RunContents) -> Iterator[Check]:
         rates, intervals = arrays["exchange_rates"][row], arrays["exchange_intervals"][row]
         finite = np.isfinite(rates) & ~np.eye(len(weights), dtype=bool)
         if not finite.any() or (size == 0).any():
-            yield leave_out("exchange rates", "a rate has no single value there", point=number)
+            yield leave_out("exchange rates", "a rate has no single value at this point", point=number)
             continue
         natural = weights / size * run.signs
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -167,7 +167,7 @@ def check_certificate(
         f"a direction improves all objectives by {gain:.3g} of their ranges; criticality in the table is {residual:.3g}"
     )
     yield judge(SUBJECTS[0], gain, accepted, detail, point=point)
-    detail = f"a direction improves the weighted sum by {weighted:.3g} of its range: the weights are others"
+    detail = f"a direction improves the weighted sum by {weighted:.3g} of its range: the weights are wrong"
     if not known:
         yield leave_out(SUBJECTS[1], "no weights were found", point=point)
     elif len(weights) > 1:
@@ -183,7 +183,7 @@ class UndecidedError(Exception):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pieces:
-    """Pieces of an objective's terms to first order; of one term if only the largest counts.
+    """First-order pieces of an objective's terms; if only the largest counts, all belong to one term.
 
     terms: index (pieces,) of the term of each piece
     values: values (pieces,)
@@ -199,7 +199,12 @@ class Pieces:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FirstOrder:
-    """Objectives and limits to first order; ``bounds`` are limits, as shares of ranges that must be ≤ 0."""
+    """Objectives and limits to first order.
+
+    objectives: pieces of each objective
+    limits: gradients (limits, directions) of limits
+    bounds: values (limits,) of limits, as shares of ranges; ≤ 0 if satisfied
+    """
 
     objectives: tuple[Pieces, ...]
     limits: np.ndarray
@@ -212,7 +217,7 @@ class Neighbours:
 
     samples: samples that may move
     frames: directions (samples, redundancy, dof) of self-motion
-    factors: divisors (n_obj,) of objectives, their sizes, negative for maximised objectives
+    factors: factors (n_obj,) of objectives, 1 / size, negative for maximised objectives
     own_kinks: whether users' integrals have kinks
     """
 
@@ -321,7 +326,7 @@ def _linearise(near: Neighbours, d: np.ndarray) -> FirstOrder:
         if len(each.pieces) == 1 and (bend[rows] < -OPTIONS.kink * np.abs(slopes[rows]).max(axis=1)).any():
             nearer = _slopes(near, d, middle, instants, spacing, OPTIONS.step / 10)[1]
             if (nearer[rows] < np.minimum(bend[rows] / 2, -OPTIONS.kink * np.abs(slopes[rows]).max(axis=1))).any():
-                raise UndecidedError("an objective has a kink that opens downwards there")
+                raise UndecidedError("an objective has a concave kink there")
         numbers = np.tile(np.arange(each.pieces.shape[1]), len(each.pieces))
         numbers, weights = (0 * numbers, np.ones(1)) if each.weights is None else (numbers, each.weights)
         objectives.append(Pieces(terms=numbers, values=each.pieces.ravel(), slopes=slopes[rows], weights=weights))
@@ -432,7 +437,7 @@ def _shown_gain(near: Neighbours, at: FirstOrder, box: float, accepted: float) -
 
 
 def _best_gain(at: FirstOrder, box: float, mixtures: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the largest gain of all mixtures (rows, n_obj) of objectives, and its direction in the box."""
+    """Return the largest gain that weighted sums (rows, n_obj) of objectives share, and its direction in the box."""
     n_obj, directions = len(at.objectives), at.limits.shape[1]
     linear, rows, right, columns = np.zeros((n_obj, directions)), [np.zeros((0, directions))], [], list[int]()
     epigraphs = list[np.ndarray]()  # for each e: its weights in the objectives (n_obj,)

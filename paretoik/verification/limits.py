@@ -15,7 +15,7 @@ from paretoik.verification.run_contents import Worst
 
 LIMITED = {  # by kind: bounded attribute of a motion, unit for rotational joints, unit for prismatic joints
     "position": ("q", "rad", "m"),
-    "velocity": ("velocity_bounds", "rad/s", "m/s"),  # for a spline, Bernstein coefficients in the middles of intervals
+    "velocity": ("velocity_bounds", "rad/s", "m/s"),  # for a spline, Bernstein coefficients at midpoints
     "acceleration": ("ddq", "rad/s²", "m/s²"),
     "jerk": ("jerk", "rad/s³", "m/s³"),
     "torque": ("torque", "N m", "N"),
@@ -24,7 +24,7 @@ LIMITED = {  # by kind: bounded attribute of a motion, unit for rotational joint
 
 
 def excesses(task: Any, motion: MeasuredMotion) -> Iterator[tuple[str, float, Worst | None, str]]:
-    """Yield every limit's subject, and its worst excess, as a share of its range, and place, or why not."""
+    """Yield (subject, worst excess as a share of its range, its place or None, fault) of every limit."""
     for kind, values, limits, size in joint_limits(task, motion):
         units = LIMITED[kind][1:]
         yield f"{kind} limits", *worst_joint(motion.model, kind, motion.time[0], values, limits, size, units), ""
@@ -133,5 +133,5 @@ def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndar
 
 
 def clearance_range(task: Any, model: ArmModel) -> float:
-    """Return the scale of violations of clearance [m]: that required, at least 1 % of the arm's length."""
+    """Return the scale of clearance violations [m]: the required clearance, at least 1 % of the arm's length."""
     return max(float(task.min_clearance), 0.01 * model.length)

@@ -31,7 +31,7 @@ from paretoik.verification.tolerances import OPTIONS
 
 
 def rebuild(time: np.ndarray, q: np.ndarray, *, differences: str, cyclic: bool, ends_at_rest: bool) -> Any:
-    """Return SciPy's curve (time, dof) through or near samples, which has a method ``derivative``."""
+    """Return SciPy's curve through or near samples (time, dof); it has a method ``derivative``."""
     if differences != "spline":
         degree = min(3, len(time) - 1)
         return make_interp_spline(time, q, k=degree, bc_type="periodic" if cyclic else None)
@@ -63,7 +63,7 @@ def rebuild(time: np.ndarray, q: np.ndarray, *, differences: str, cyclic: bool, 
 
 
 def instants_of(time: np.ndarray, differences: str) -> np.ndarray:
-    """Return the times of limits and objectives: samples, and for splines the middles between them."""
+    """Return the times of limits and objectives: samples, and for splines also midpoints."""
     if differences != "spline":
         return time
     return np.sort(np.concatenate([time, (time[1:] + time[:-1]) / 2]))
@@ -108,7 +108,7 @@ def _blossom(t: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def _free_row(basis: BSpline, time: np.ndarray) -> np.ndarray:
-    """Return the equation of a free end: its acceleration continues the polynomial of the next ones."""
+    """Return the equation of a free end: the next accelerations, extrapolated, give its own."""
     count = min(OPTIONS.end_accelerations, len(time) - 3)
     second = basis.derivative(2)
     others = time[1 : count + 1] - time[0]
@@ -125,7 +125,7 @@ def _backward(values: np.ndarray, time: np.ndarray, *, cyclic: bool) -> np.ndarr
 
 
 def _central(values: np.ndarray, time: np.ndarray, order: int, *, cyclic: bool) -> np.ndarray:
-    """Return derivatives of the parabolas through three samples each, at an end of the nearest one."""
+    """Return derivatives of parabolas through three samples each; an end uses the nearest parabola."""
     if cyclic:
         last = len(time) - 1
         time = np.concatenate([[time[0] - time[last] + time[last - 1]], time, [time[last] + time[1] - time[0]]])
@@ -147,7 +147,7 @@ def _central(values: np.ndarray, time: np.ndarray, order: int, *, cyclic: bool) 
 # Distances of links from obstacles: signed distances of points, and a search along each link.
 #
 # The signed distance of points to a convex body is convex, so that golden-section search along a link finds its
-# least.
+# minimum.
 
 
 def point_distances(obstacle: Any, points: np.ndarray) -> np.ndarray:
@@ -205,7 +205,7 @@ def nearest_pair(obstacles: Sequence[Any], nodes: np.ndarray) -> str:
 
 
 def clearances(obstacles: Sequence[Any], nodes: np.ndarray, radius: float) -> np.ndarray:
-    """Return the least distances (time,) [m] of links, capsules of a radius, from obstacles."""
+    """Return the least distances (time,) [m] of links (capsules of this radius) from obstacles."""
     return np.asarray(pair_distances(obstacles, nodes).min(axis=(1, 2)) - radius)
 
 
@@ -237,7 +237,7 @@ class MeasuredMotion:
 
     @property
     def velocity_bounds(self) -> np.ndarray:
-        """Velocities, for a spline with Bernstein coefficients in the middles of intervals."""
+        """Velocities; for a spline Bernstein coefficients at midpoints."""
         return self.dq if self.coefficients is None else self.coefficients
 
     @property

@@ -47,7 +47,7 @@ def check_samples(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray, p
         if angle[k] > distance[k] / model.length:
             place = Worst(what="angle", joint=frame, time=float(time[k]), value=float(angle[k]), unit="rad")
         yield judge("tracking at samples", float(error.max()), share, detail, point=point, worst=place)
-    ends = [("start", "its start", 0, task.start), ("closure", "where it begins", -1, q[0] if task.cyclic else None)]
+    ends = [("start", "its start", 0, task.start), ("closure", "its first sample", -1, q[0] if task.cyclic else None)]
     for subject, name, k, wanted in ends:
         if wanted is None:
             continue
@@ -93,7 +93,7 @@ def check_objectives(
 def check_errors(
     run: RunContents, objectives: Any, motion: MeasuredMotion, finer: MeasuredMotion, row: int, *, promised: bool
 ) -> Iterator[Check]:
-    """Check the discretisation errors of objectives: values at samples less those on the curve (``finer``).
+    """Check the discretisation errors of objectives: differences between samples and curve (``finer``).
 
     They must agree with the table and, if ``promised``, be within the tolerance.
     """
@@ -213,9 +213,9 @@ def check_between(
     *,
     promised: bool,
 ) -> Iterator[Check]:
-    """Check one motion between its samples, at all times against obstacles.
+    """Check one motion between its samples; clearance is checked at all times.
 
-    stated: bound of the violation in the table
+    stated: bound of the violation between samples in the table, None if it has none
     promised: whether there must be no violation
     """
     task = samples.task
@@ -235,13 +235,13 @@ def check_between(
         row = judge(subject, excess, TOLERANCES.between, detail, point=point, worst=place)
         if not promised and row.verdict == "failed":
             spline = task.differences == "spline"
-            reason = "a point that is no minimum" if spline else f"differences={task.differences!r}"
+            reason = "a point that is not a minimum" if spline else f"differences={task.differences!r}"
             row = replace(row, verdict="noted", detail=f"nothing is promised between samples of {reason}")
         yield row
     if stated is not None:
         largest, worst = max(found, key=lambda each: each[0], default=(0.0, None))
         largest, subject = max(largest, 0.0), "violation_between in the table"
-        detail, short = f"the table says {stated:.3g}, it is {largest:.3g}", largest - min(stated, largest)
+        detail, short = f"the table says {stated:.3g}, but it is {largest:.3g}", largest - min(stated, largest)
         yield judge(subject, short, TOLERANCES.stated, detail, point=point, worst=worst)
     if not task.obstacles:
         return
@@ -261,7 +261,7 @@ def check_between(
         a = np.linalg.norm(np.diff(moves, axis=0), axis=-1).max(initial=0.0) / step.min() ** 2
         bend = a + v**2 / (smallest_size + samples.link_radius)
         if short <= min(np.diff(np.asarray(task.times)).max() ** 2 / 8 * bend, smallest_size / 2):
-            reason = "nothing is promised between samples of a point that is no minimum"
+            reason = "nothing is promised between samples of a point that is not a minimum"
             row = replace(row, verdict="noted", detail=reason)
     yield row
     if not proven:
@@ -271,10 +271,9 @@ def check_between(
 def least_clearance(
     samples: MeasuredMotion, postures: Callable[[np.ndarray], np.ndarray], time: np.ndarray
 ) -> tuple[float, float, bool]:
-    """Return the least clearance, its time, and whether it is proven, because all intervals are resolved.
+    """Return the least clearance, its time, and whether it is proven.
 
-    It is searched for only if it may be below the limit; an interval is done if its ends and its length exclude a
-    collision.
+    Intervals are halved until their ends and lengths exclude that they come below the limit.
     """
     task, model = samples.task, samples.model
     t = divided(time, OPTIONS.instants)

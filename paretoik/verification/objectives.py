@@ -1,4 +1,4 @@
-"""Objectives computed again: the library's from definitions, users' by functions."""
+"""Objectives computed again: the library's by the definitions below, users' by their functions."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def objective_size(entry: Mapping[str, Any], value: float) -> float:
 
 
 def objective_function(objective: Any) -> Callable[[Any], Any]:
-    """Return the definition below of a library's objective, else the user's function."""
+    """Return the definition of a library's objective, or the user's function."""
     return DEFINITIONS.get(_library_name(objective), objective.function)
 
 
@@ -70,7 +70,7 @@ def is_own_integral(objective: Any) -> bool:
 def objective_terms(objective: Any, motion: MeasuredMotion, factor: float, *, own_kinks: bool = False) -> Terms:
     """Return an objective times a factor, negative if maximised, as terms to minimise.
 
-    Integrals with kinks are those of the spline; users' too if they have ``own_kinks``.
+    Integrals with kinks are evaluated on the spline; users' integrals too if ``own_kinks``.
     """
     name, count = _library_name(objective), motion.time.shape[1]
     if objective.form == "integral" and (name in KINKED_INTEGRALS or (own_kinks and not name)):

@@ -67,7 +67,7 @@ def path_points(path: Any, t: np.ndarray) -> tuple[np.ndarray, np.ndarray | None
 
 
 def path_rates(path: Any, t: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return velocities and accelerations at times, then those of the orientation about world axes."""
+    """Return linear velocities and accelerations at times, then angular ones about world axes."""
     curve, parameter, *factors = _shape(path, t)
     speed, bend = (factor[:, None] for factor in factors)
     kind, none = type(curve).__name__, np.zeros((len(t), 3))
@@ -101,10 +101,10 @@ def path_rates(path: Any, t: np.ndarray) -> tuple[np.ndarray, ...]:
 def curve_states(
     model: ArmModel, tasks: Any, spline: tuple[np.ndarray, np.ndarray, np.ndarray], t: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return positions and rates (time, dof) of a spline's projection along its own normal directions.
+    """Return q, q̇ and q̈ (time, dof) of a spline's projection along its own normal directions.
 
-    Their derivatives are differences of the fourth order. If the spline is too far from the path, its own state is
-    returned.
+    Derivatives of these directions are differences of the fourth order. If the spline is too far from the path, its own
+    state is returned.
     """
     targets, rates = path_targets(tasks, t), [path_rates(task.path, t) for task in tasks]
     states = np.array(spline)
@@ -173,7 +173,7 @@ def task_axes(task: Any, arm: Any) -> tuple[int, tuple[int, ...]]:
 
 
 def task_errors(model: ArmModel, targets: Targets, q: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return errors [shares of the arm's length, rad] and Jacobian of all tasks in a posture at time k."""
+    """Return errors [shares of the arm's length, rad] and Jacobian of all tasks in a posture, target k."""
     errors, rows = list[np.ndarray](), list[np.ndarray]()
     for task, positions, rotations in targets:
         size, turning = task_axes(task, model.arm)
@@ -189,7 +189,7 @@ def task_errors(model: ArmModel, targets: Targets, q: np.ndarray, k: int) -> tup
 
 
 def orientation_errors(axes: str, here: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return the rotation vectors (time, 3) [rad] to the target in the frame, or of its z axis only."""
+    """Return rotation vectors (time, 3) [rad] to the target, in the frame; z-axis tasks ignore turns about z."""
     between = here.swapaxes(-1, -2) @ target
     if axes != "xyz+z-axis":
         return np.asarray(Rotation.from_matrix(between).as_rotvec())

@@ -66,7 +66,7 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Verification:
-    """Everything that was checked of a run, as rows.
+    """The results of all checks of a run, as rows.
 
     ``print`` shows one screen: the headline, a line per subject, then at most 12 failures.
     """
@@ -242,13 +242,13 @@ def read_contents(folder: Path) -> RunContents:
     """Return the contents of a run folder; raises InvalidRun if it is not a run with a result."""
     entries = dict(read_run(folder / RUN))
     if not isinstance(entries.get("files"), dict):
-        raise InvalidRun(f"{folder} must be a run with a result, got one of status {entries.get('status')!r} without")
+        raise InvalidRun(f"{folder} must be a run with a result, got status {entries.get('status')!r} and no result")
     written = entries.pop("digest", None)
     checks = [demand("digests", written == digest(entries), f"{RUN} does not match its digest: it was edited or cut")]
     table, arrays = dict[str, np.ndarray](), dict[str, dict[str, np.ndarray]]()
     for name, expected in entries["files"].items():
         if name not in RESULTS:
-            checks.append(demand("files", False, f"{RUN} lists {name!r}, which is no file of a result"))
+            checks.append(demand("files", False, f"{RUN} lists {name!r}, which is not a file of a result"))
             continue
         try:
             content = read_plain_file(folder / name)

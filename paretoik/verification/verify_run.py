@@ -45,7 +45,8 @@ def verify_run(
 ) -> Verification:
     """Return the rows of all checks of a run, made or not.
 
-    problem: what the run solved; None, for a ``reason``, if motions are not checked against it
+    problem: problem that the run solved; None if motions are not checked against it
+    reason: reason why they are not
     same: whether its fingerprint is the run's; None if that is unknown
     show: function that gets the progress
     """
@@ -67,9 +68,9 @@ def verify_run(
         rows += _collect(check_tables(run))
         sound = not any(row.verdict == "failed" for row in rows if row.subject in STRUCTURE)
         if not sound:
-            rows.append(leave_out("motions", "the files do not belong together"))
+            rows.append(leave_out("motions", "the files do not match"))
         elif problem is None:
-            rows.append(leave_out("motions against the problem", reason or "the problem is not at hand"))
+            rows.append(leave_out("motions against the problem", reason or "the problem is not given"))
         else:
             rows += _collect(_count_points(_check_motions(run, problem), len(run.ids), show))
     return Verification(folder=str(run.folder), rows=tuple(rows))
@@ -107,7 +108,7 @@ def _check_motions(run: RunContents, problem: Any) -> Iterator[Check]:
     task = getattr(problem, "task", None)
     arm = getattr(problem, "arm", None) if task is None else task.arm
     if "q" not in run.motions or arm is None:
-        yield leave_out("objectives", "the problem has no arm and no motions: its values are its own")
+        yield leave_out("objectives", "the problem has no arm or the run no motions")
         return
     stored, joints = [str(name) for name in run.motions["joint_names"]], list(arm.joint_names)
     wish = f"joints must be {', '.join(joints)}, got {', '.join(stored)}"
@@ -124,7 +125,7 @@ def _check_motions(run: RunContents, problem: Any) -> Iterator[Check]:
     elif task is not None and hasattr(problem, "judged_starts"):
         yield from check_tuning(run, problem, model)
     elif task is None or getattr(problem, "encoding", None) is None:
-        yield leave_out("motions against the problem", f"{type(problem).__name__}: not a kind that is modelled twice")
+        yield leave_out("motions against the problem", f"{type(problem).__name__}: not a kind that the verifier models")
     else:  # motions that follow a path, those of a front or of a plan
         named = {each.name: each for each in task.objectives}
         listed = [(str(each["name"]), str(each["unit"]), bool(each["maximised"])) for each in run.objectives]
@@ -132,7 +133,7 @@ def _check_motions(run: RunContents, problem: Any) -> Iterator[Check]:
         yield demand(
             "objectives' names",
             listed == objectives,
-            f"the problem has {_names(objectives)}, run.json {_names(listed)}",
+            f"the problem has {_names(objectives)}, but run.json {_names(listed)}",
         )
         yield from check_path(task, model)
         for row, number in enumerate(run.ids.tolist()):
@@ -185,7 +186,7 @@ def check_tuning(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Ch
     for row, number in enumerate(run.ids.tolist()):
         time, q = (np.asarray(run.motions[name][row], dtype=float) for name in ("time", "q"))
         if not _has_times(time, task):
-            yield leave_out("motions against the path", "the method takes its own time", point=number)
+            yield leave_out("motions against the path", "the method chooses its own times", point=number)
             continue
         # the motion begins at its own start: the one that its gene chooses, or the first
         possible, names_of_genes = np.asarray(problem.starts), [each.name for each in problem.parameters]
@@ -195,12 +196,12 @@ def check_tuning(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Ch
             share = float(np.asarray(run.motions["genes"])[row, names_of_genes.index("start")])
             possible = possible[[min(int(share * len(possible)), len(possible) - 1)]]
         off = float(np.abs(possible - q[0]).max(axis=1).min())
-        yield judge("start", off, TOLERANCES.on_path, "it does not begin in the start that is its own", point=number)
+        yield judge("start", off, TOLERANCES.on_path, "it does not begin at its own start", point=number)
         parts = [part for each in task.tasks for part in frame_errors(model, each, q)]
         errors = np.concatenate(parts, axis=1)
         if problem.tolerance is not None and float(run.table["violation"][row]) <= 0:
             off = float(np.abs(errors).max())
-            detail = f"its tool is {off:.3g} off the path, {problem.tolerance:g} is the tolerance"
+            detail = f"its tool is {off:.3g} off the path, the tolerance is {problem.tolerance:g}"
             yield judge("tracking", off, float(problem.tolerance) * (1 + TOLERANCES.values), detail, point=number)
         if listed == names:
             motion = measure(model, task, time, q)
@@ -208,14 +209,12 @@ def check_tuning(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Ch
     # Parts of the objectives that were not computed a second time:
     count = problem.judged_starts
     if count > 1 and problem.judged_by == "worst":
-        reason = f"one of {count} motions is stored, the table has the worst: it is no better than the stored one"
+        reason = f"the table has the worst of {count} motions, but one is stored: the worst is no better than it"
         yield leave_out("objectives from the other starts", reason)
     elif count > 1:
         reason = f"the table has the mean of {count} motions, but one is stored: no objective was computed again"
         yield leave_out("objectives from all starts", reason)
-    yield leave_out(
-        "the method's steps", "the stored motion is not resolved a second time from the method's numbers and its start"
-    )
+    yield leave_out("the method's steps", "the method is not run again from the start of the stored motion")
 
 
 def _has_times(time: np.ndarray, task: Any) -> bool:
@@ -248,15 +247,17 @@ def _check_objectives(
             yield leave_out(subject, f"its function fails here: {first_line(fault)}", point=point)
             continue
         if of_method and function.__name__ not in ("distance", *DEFINITIONS):
-            yield leave_out(subject, "it counts what the method did, which is not in the files", point=point)
+            yield leave_out(subject, "it depends on the method's steps, which are not in the files", point=point)
             continue
         size = objective_size(entry, expected)
         better = (expected - value) * (-1.0 if objective.maximise else 1.0)
         text = f"the table says {value:.10g} {objective.unit}".rstrip()
         if alone:
-            yield judge(subject, abs(better) / size, TOLERANCES.values, f"{text}, it is {expected:.10g}", point=point)
+            yield judge(
+                subject, abs(better) / size, TOLERANCES.values, f"{text}, but it is {expected:.10g}", point=point
+            )
         else:
-            detail = f"{text}, the worst of {problem.judged_starts}; one of them alone has {expected:.10g}"
+            detail = f"{text}, the worst of {problem.judged_starts}, but one of them has {expected:.10g}"
             yield judge(subject, max(better, 0.0) / size, TOLERANCES.values, detail, point=point)
 
 
@@ -291,7 +292,7 @@ def check_resolution(run: RunContents, task: Any, model: ArmModel | None, reason
         "largest error",
         abs(stated - largest),
         TOLERANCES.traces,
-        f"run.json says {stated:.8g}, traces say {largest:.8g}",
+        f"run.json says {stated:.8g}, but traces say {largest:.8g}",
     )
     counts = run.entries.get("counts", {}).get("steps", {})
     statuses = np.asarray(traces.get("status", np.empty(0))).ravel().tolist()
@@ -309,7 +310,7 @@ def check_resolution(run: RunContents, task: Any, model: ArmModel | None, reason
         parts = [tracking_errors(model, each, q) for each in task.tasks]
         miss = max(float(max(distance.max(), angle.max())) for distance, angle in parts)
         admitted = float(np.linalg.norm(errors[row], axis=-1).max()) if errors.ndim > 2 else largest
-        detail = f"the tool is {miss:.3g} off its path, its traces admit {admitted:.3g}"
+        detail = f"the tool is {miss:.3g} off its path, but its traces say {admitted:.3g}"
         yield judge("tracking", miss, admitted + TOLERANCES.on_path, detail, point=point)
     yield leave_out("limits and the method's steps", "a method may exceed limits if its traces say so")
 
@@ -333,7 +334,7 @@ def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
     mean, drift = float(distances[1:].mean()), float(np.linalg.norm(q[-1] - q[0]) / q.shape[1])
     for name, value in (("position_error", mean), ("drift", drift)):
         stated = float(run.entries.get(name, np.nan))
-        detail = f"run.json says {stated:.10g}, it is {value:.10g}"
+        detail = f"run.json says {stated:.10g}, but it is {value:.10g}"
         yield judge(
             f"{name} of the loop", abs(stated - value), TOLERANCES.values * max(value, 1.0), detail, point=point
         )
@@ -362,7 +363,7 @@ def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
         if not proven:
             yield leave_out("clearance between samples", "a step is too near to an obstacle to be sure", point=point)
     elif task.obstacles:
-        yield leave_out("clearance between samples", "steps of any length are only clear at their ends", point=point)
+        yield leave_out("clearance between samples", "steps may be long: it is known only at their ends", point=point)
     velocity = np.diff(q, axis=0) / step
     series = {
         "joint_displacement": (velocity**2).sum(axis=1) + (((q[1:] - q[0]) / step) ** 2).sum(axis=1),
@@ -373,10 +374,10 @@ def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
         subject = f"objective {objective.name}"
         function = objective.function
         if getattr(function, "__module__", "") != LIBRARY or objective.name not in series or len(task.tasks) > 1:
-            yield leave_out(subject, "an objective of steps that is not the paper's", point=point)
+            yield leave_out(subject, "only the step objectives of the paper are modelled", point=point)
             continue
         expected = float(series[objective.name].mean())
-        detail = f"the table says {value:.10g} {objective.unit}, it is {expected:.10g}"
+        detail = f"the table says {value:.10g} {objective.unit}, but it is {expected:.10g}"
         yield judge(subject, abs(value - expected) / max(abs(expected), 1e-9), TOLERANCES.energies, detail, point=point)
 
 
@@ -384,19 +385,21 @@ def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
 
 
 def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
-    """Check that postures of directional maxima are at their position, and motors reach the speeds."""
+    """Check that tools of directional maxima are at their position, and that motors reach the speeds."""
     size = len(problem.position)
     bare = not hasattr(problem.actuation, "rod")
     for row, q in enumerate(run.motions["q"]):
         point = int(run.ids[row])
-        yield demand("standing still", np.ptp(q, axis=0).max() == 0, "the motion moves", point=point)
+        yield demand("standing still", np.ptp(q, axis=0).max() == 0, "the arm moves", point=point)
         off = float(np.linalg.norm(model.poses(q[:1])[1][0, :size] - problem.position)) / model.length
-        yield judge("position of the tool", off, TOLERANCES.on_path, f"the tool is {off:.3g} lengths off", point=point)
+        yield judge(
+            "position of the tool", off, TOLERANCES.on_path, f"the tool is {off:.3g} arm lengths off", point=point
+        )
         yield _position_limits(model, run.motions["time"][row], q, point)
         for k, direction in enumerate(problem.directions):
             name, subject = run.objectives[k]["name"], f"objective {run.objectives[k]['name']}"
             if not bare or not str(name).startswith("speed"):
-                yield leave_out(subject, "rods, sliders and forces are not modelled a second time", point=point)
+                yield leave_out(subject, "the verifier does not model rods, sliders and forces", point=point)
                 continue
             # the highest speed that motors at the joints allow, by a linear program
             columns = model.jacobian(q[0])[2][: len(direction)]
@@ -409,10 +412,10 @@ def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[
                 method="highs",
             )
             value, highest = float(run.values[row, k]), -result.fun if result.status == 0 else np.nan
-            detail = f"the table says {value:.8g} m/s, motors allow {highest:.8g}"
+            detail = f"the table says {value:.8g} m/s, but motors allow {highest:.8g}"
             yield judge(subject, max(value / highest - 1.0, 0.0), TOLERANCES.maxima, detail, point=point)
         if len(run.objectives) > len(problem.directions):
-            yield leave_out("other objectives", "the speeds of joints that they depend on are not stored", point=point)
+            yield leave_out("other objectives", "they depend on joint speeds, which are not stored", point=point)
 
 
 def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
@@ -422,10 +425,10 @@ def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Ite
         point = int(run.ids[row])
         places = model.poses(q[[0, -1]])[1][:, :size]
         off = float(np.linalg.norm(places - [problem.start, problem.target], axis=1).max()) / model.length
-        yield judge("ends", off, TOLERANCES.on_path, f"an end is {off:.3g} lengths of the arm off", point=point)
+        yield judge("ends", off, TOLERANCES.on_path, f"an end is {off:.3g} arm lengths off", point=point)
         yield _position_limits(model, time, q, point)
         value, duration = float(run.values[row, names.index("duration")]), float(time[-1] - time[0])
-        detail = f"the table says {value:.10g} s, the motion takes {duration:.10g} s"
+        detail = f"the table says {value:.10g} s, but the motion takes {duration:.10g} s"
         steps = np.diff(time)
         moving = float(steps[steps > TOLERANCES.rest * (1.0 + 1e-6)].sum())
         off = max(value / duration - 1.0, moving / value - 1.0, 0.0)
@@ -441,14 +444,17 @@ def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Ite
             shown = max(excess, 0.0) if np.isfinite(excess) else excess
             yield judge("motors", shown, TOLERANCES.maxima, detail, point=point, worst=place)
         else:
-            yield leave_out("motors", "rods and sliders are not modelled a second time", point=point)
+            yield leave_out("motors", "the verifier does not model rods and sliders", point=point)
         for k, name in enumerate(names):
             if name == "energy" and bare:  # work of the motors, given or taken
                 work, value = float(np.abs(effort * np.diff(q, axis=0)).sum()), float(run.values[row, k])
-                detail, off = f"the table says {value:.10g} J, it is {work:.10g}", abs(value - work) / max(work, 1e-12)
+                detail, off = (
+                    f"the table says {value:.10g} J, but it is {work:.10g}",
+                    abs(value - work) / max(work, 1e-12),
+                )
                 yield judge("objective energy", off, TOLERANCES.energies, detail, point=point)
             elif name != "duration":
-                yield leave_out(f"objective {name}", "it is not computed a second time for these motors", point=point)
+                yield leave_out(f"objective {name}", "the verifier does not compute it for these motors", point=point)
 
 
 def check_tool_path(run: RunContents) -> Iterator[Check]:
@@ -463,7 +469,7 @@ def check_tool_path(run: RunContents) -> Iterator[Check]:
         yield demand(name, off <= allowed, f"the tool is {off:.3g} m off")
     outside = np.maximum(tool - arrays["upper"], arrays["lower"] - tool).max()
     yield demand("box of the model", outside <= TOLERANCES.on_path * size, f"the tool is {outside:.3g} m outside")
-    yield demand("times", bool((np.diff(arrays["times"]) >= 0).all()), "they do not grow")
+    yield demand("times", bool((np.diff(arrays["times"]) >= 0).all()), "times do not increase")
     yield leave_out("speeds", "the speed model is not stored")
 
 
@@ -473,7 +479,7 @@ def check_polygon(run: RunContents, model: ArmModel | None, reason: str = "") ->
     values, directions = arrays["values"], arrays["directions"]
     lengths = np.linalg.norm(directions, axis=1)
     yield judge(
-        "directions", float(np.abs(lengths - 1.0).max()), TOLERANCES.directions, "a direction has not the length 1"
+        "directions", float(np.abs(lengths - 1.0).max()), TOLERANCES.directions, "a direction is not a unit vector"
     )
     if model is None:
         yield leave_out("postures", reason or "the arm is not in the files; verify(folder, arm) names it")
@@ -486,12 +492,12 @@ def check_polygon(run: RunContents, model: ArmModel | None, reason: str = "") ->
     for k in np.flatnonzero(np.isfinite(values)).tolist():
         _, place, jacobian = model.jacobian(arrays["q"][k])
         off = float(np.linalg.norm(place[:size] - arrays["position"])) / model.length
-        yield judge("position of the tool", off, TOLERANCES.on_path, f"the tool is {off:.3g} lengths off", point=k)
+        yield judge("position of the tool", off, TOLERANCES.on_path, f"the tool is {off:.3g} arm lengths off", point=k)
         if run.entries.get("unit") == "m/s":
             off = float(np.abs(jacobian[:size] @ arrays["dq"][k] - values[k] * directions[k]).max() / abs(values[k]))
             yield judge("values", off, TOLERANCES.maxima, "J dq is not the speed along the direction", point=k)
         else:
-            yield leave_out("values", "torques hold the arm and the force: not separated a second time", point=k)
+            yield leave_out("values", "torques hold arm and force together: they are not separated", point=k)
 
 
 def _position_limits(model: ArmModel, time: np.ndarray, q: np.ndarray, point: int) -> Check:

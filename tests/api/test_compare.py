@@ -47,9 +47,9 @@ def test_invalid_fronts_and_labels_are_refused(run, tmp_path):
     folder, front = run
     with pytest.raises(InvalidRun, match="must be a plain file, got no such file"):
         pk.compare(folder, tmp_path)
-    with pytest.raises(InvalidInput, match="labels must be a list of them, got 'ab'"):
+    with pytest.raises(InvalidInput, match="labels must be a list of labels, got 'ab'"):
         pk.compare(front, front, labels="ab")
-    with pytest.raises(InvalidInput, match="labels must be a list of them, got 3"):
+    with pytest.raises(InvalidInput, match="labels must be a list of labels, got 3"):
         pk.compare(front, front, labels=[3, 4])
     with pytest.raises(InvalidInput, match="there must be at least two fronts, got 0"):
         pk.compare()

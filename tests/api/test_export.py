@@ -83,15 +83,15 @@ def test_limits_are_those_of_the_joints_by_name_in_whatever_order_they_are_writt
         ({"rate": "1 kHz"}, "rate: must contain real numbers, got text"),
         ({"controller": "abb"}, "controller must be one of franka, ur, kinova, panda"),
         ({"controller": "kinova"}, "controller gen3: joints must be joint_1"),
-        ({"joint_names": ["elbow"]}, "got 'elbow', which is not among them"),
+        ({"joint_names": ["elbow"]}, "got the unknown 'elbow'"),
         ({"time_scale": 0.9}, "time_scale must be 1 or more, to slow down, got 0.9"),
         ({"ramp": 9.0}, "ramp must be 0, or from one period to the motion's 2 s, got 9 s"),
         ({"slow_down": "yes"}, "slow_down must be True or False, got 'yes'"),
-        ({"slow_down": True}, "slow_down must come with a controller, whose limits say how much, got none"),
+        ({"slow_down": True}, "slow_down must come with a controller, whose limits it satisfies, got none"),
         ({"overwrite": 1}, "overwrite must be True or False, got 1"),
         ({"format": "xml"}, "format must be one of csv, parquet, npz, joint-trajectory, ros2-bag, got 'xml'"),
         ({"file": None}, "file must be a path, got None"),
-        ({"file": "swing"}, "swing must have a format of csv"),
+        ({"file": "swing"}, "swing must end in .csv"),
         ({"file": "a\0b.csv"}, r"file must be a path, got 'a\x00b.csv'"),
         ({"file": ".", "format": "csv"}, "export must be a file to write into, got the folder ."),
         (
@@ -104,7 +104,7 @@ def test_limits_are_those_of_the_joints_by_name_in_whatever_order_they_are_writt
             {"metadata": {"rate": 7}},
             "metadata must not use the names of entries that export writes, got 'rate'",
         ),
-        ({"metadata": {"by": object()}}, "metadata.by must be what JSON can hold, got object"),
+        ({"metadata": {"by": object()}}, "metadata.by must be JSON data, got object"),
     ],
 )
 def test_what_cannot_be_exported_is_refused_in_one_line_and_nothing_written(changed, message, tmp_path, unchecked):
@@ -121,7 +121,9 @@ def test_a_batch_and_a_motion_without_its_arm_are_refused(front, run, tmp_path):
     ):
         pk.export(front.motions, tmp_path / "a.csv", rate=100)
     stored = pk.Front.load(run[0])
-    with pytest.raises(InvalidInput, match="motion must be a choice whose front has its arm, got one without; load"):
+    with pytest.raises(
+        InvalidInput, match="motion must be a choice from a front with its arm, got a front without arm; load"
+    ):
         pk.export(stored.choice(0, "mine"), tmp_path / "a.csv", rate=100)
 
 

@@ -28,13 +28,13 @@ def test_motions_are_encoded_as_starts_and_those_that_the_genes_miss_are_warned_
         differences="backward",
     )
     wild = finer.decode(np.column_stack([np.full(4, 0.5), np.tile([0.5, -0.5], (4, 6)) * np.arange(1, 5)[:, None] / 4]))
-    with pytest.warns(RuntimeWarning, match=r"initial: \d of 4 motions start approximately"):
+    with pytest.warns(RuntimeWarning, match=r"initial: genes describe \d of 4 motions only approximately"):
         solve(problem, population=12, generations=1, initial=wild)
 
 
 def test_a_front_of_another_problem_without_motions_cannot_be_a_start(problem):
     foreign = solve(ZDT1(n_var=5), population=8, generations=2)
-    with pytest.raises(InvalidInput, match="initial must be a front with motions or of this problem, got neither"):
+    with pytest.raises(InvalidInput, match="initial must be a front of this problem, or one with motions, got neither"):
         solve(problem, **QUICK, initial=foreign)
 
 

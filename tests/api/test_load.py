@@ -33,7 +33,7 @@ def test_a_saved_run_comes_back_with_its_motions_whole(problem, run):
 
 
 def test_another_problem_is_refused_by_its_fingerprint(run):
-    with pytest.raises(InvalidInput, match=r"the run in .* solved, got one whose fingerprint is another"):
+    with pytest.raises(InvalidInput, match=r"the run in .* solved, got one with another fingerprint"):
         load_front(run[0], tracking(velocity=6.5))
 
 

@@ -168,7 +168,7 @@ def test_a_target_that_a_search_reached_does_not_end_it_again(tmp_path):
 
 
 def test_another_problem_is_refused_and_the_run_stays(copy):
-    with pytest.raises(InvalidInput, match=r"the run in .* solves, got one whose fingerprint is another"):
+    with pytest.raises(InvalidInput, match=r"the run in .* solves, got one with another fingerprint"):
         pk.resume(copy, tracking(velocity=1.0))
     with pytest.raises(InvalidInput, match=r"problem must be the one that the run in .* solves, got none"):
         pk.resume(copy)

@@ -30,7 +30,7 @@ def test_a_plan_is_opened_as_it_was_and_is_no_front(tmp_path):
     assert (tmp_path / DRAWING).stat().st_size > 0
     with pytest.raises(pk.InvalidInput, match="got one that holds the optima of a plan, which load_plan opens"):
         pk.load_front(tmp_path)
-    with pytest.raises(pk.InvalidInput, match="got one whose fingerprint is another"):
+    with pytest.raises(pk.InvalidInput, match="got one with another fingerprint"):
         pk.load_plan(tmp_path, tracking(pk.kinetic_energy, velocity=9.0))
     with pytest.raises(pk.InvalidInput, match=r"problem must be the one that was planned in .*, got none"):
         pk.load_plan(tmp_path)

@@ -35,7 +35,7 @@ def executor():
         yield opened
 
 
-@pytest.mark.filterwarnings("ignore:workers. they do not pay")
+@pytest.mark.filterwarnings("ignore:workers save no time")
 @pytest.mark.parametrize(
     "verb",
     [
@@ -73,7 +73,7 @@ def cluster(tmp_path_factory):
         yield started
 
 
-@pytest.mark.filterwarnings("ignore:(workers. they do not pay|cluster. no worker at)")
+@pytest.mark.filterwarnings("ignore:(workers save no time|cluster. no worker at)")
 @pytest.mark.parametrize(
     "verb",
     ["solve", *(pytest.param(verb, marks=pytest.mark.slow) for verb in ("plan", "epsilon_front", "refine", "islands"))],
@@ -89,7 +89,7 @@ def test_a_cluster_gives_the_same_result_bit_for_bit(verb, cluster, tmp_path):
     assert make["workers"] in (1, 2)
 
 
-@pytest.mark.filterwarnings("ignore:workers. they do not pay")
+@pytest.mark.filterwarnings("ignore:workers save no time")
 @pytest.mark.parametrize("verb", ["refine", pytest.param("solve", marks=pytest.mark.slow)])
 def test_a_killed_run_resumes_with_another_number_of_workers(verb, executor, tmp_path):
     whole = run(verb, tmp_path / "whole")
@@ -127,7 +127,7 @@ def test_a_row_that_takes_too_long_has_failed_and_the_search_goes_on():
     assert front.provenance["settings"]["evaluation_timeout"] == 0.3
 
 
-@pytest.mark.filterwarnings("ignore:workers. they do not pay")
+@pytest.mark.filterwarnings("ignore:workers save no time")
 def test_a_row_that_ends_every_worker_has_failed_and_the_search_goes_on():
     front = pk.solve(Deadly(), population=10, generations=2, seed=1, workers=2)
     assert front.provenance["counts"]["failed"] == 1
@@ -172,7 +172,7 @@ def test_invalid_workers_addresses_and_times_are_refused(arguments, words, tmp_p
 
 def test_a_warning_says_that_workers_do_not_pay_for_quick_evaluations(monkeypatch, tmp_path):
     monkeypatch.setattr("paretoik.runs.distribution.TRIAL", 0.2)
-    with pytest.warns(RuntimeWarning, match="workers: they do not pay here, a task takes"):
+    with pytest.warns(RuntimeWarning, match="workers save no time: a task takes"):
         pk.solve(Slow(tmp_path / "rows", seconds=0.0), population=12, generations=90, stagnation=False, workers=2)
 
 

@@ -150,7 +150,7 @@ def test_a_full_stdout_is_said_in_a_line_and_the_result_kept(start, name):
     assert ended.returncode == 2
     if name != "show":
         line = ended.stderr.splitlines()[-1]
-        assert line == "error: stdout must take the whole output, got No space left on device"
+        assert line == "error: stdout: the output could not be written completely: No space left on device"
 
 
 @pytest.mark.parametrize("redirection", REDIRECTIONS)

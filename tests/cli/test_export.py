@@ -70,7 +70,7 @@ def test_the_present_choice_is_written_if_no_point_is_named(paretoik, finished, 
     [
         ((), "error: --point: must be the id of a point unless a choice is kept (paretoik select RUN"),
         (("--point", "99999"), "error: --point: ids must be those of the front's points ("),
-        (("--point", "FIRST", "--joints", "a,b"), "got 'a', which is not among them"),
+        (("--point", "FIRST", "--joints", "a,b"), "got the unknown 'a'"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(paretoik, finished, tmp_path, words, said):
@@ -133,7 +133,7 @@ def test_a_factor_that_is_advised_is_enough_and_slow_down_takes_no_more(paretoik
     words = "export", run, "--point", point, "--controller", "panda", "--ramp", "0.1", "--out", tmp_path / "a.npz"
     ended = paretoik(*words)
     assert ended.code == 3
-    (factor,) = re.findall(r"slowed down ([\d.]+) times it keeps every limit", ended.err)
+    (factor,) = re.findall(r"slowed down ([\d.]+) times it satisfies every limit", ended.err)
     by_factor = strict(paretoik(*words, "--time-scale", factor, "--json").out)
     slowed = strict(paretoik(*words, "--slow-down", "--overwrite", "--json").out)
     assert 0 <= by_factor["samples"] - slowed["samples"] <= 1

@@ -18,7 +18,7 @@ def test_functions_that_may_be_problems_are_named_with_what_lists_them(paretoik,
     ended = paretoik("list", mine)
     assert ended.err == (
         f"note: {mine} has functions that do not say what they return and may be problems too: tracking; "
-        "an annotation, as -> Tracking, lists them\n"
+        "annotate the return type, such as -> Tracking, to list them\n"
     )
 
 

@@ -88,7 +88,7 @@ def test_a_time_limit_keeps_the_result_and_ends_with_5(paretoik, mine, tmp_path)
     assert ended.code == 5
     assert "(the time limit was reached)" in ended.out
     assert len(load_front(tmp_path / "run"))
-    (command,) = re.findall(r"^go on:   (paretoik resume .*)$", ended.out, flags=re.MULTILINE)
+    (command,) = re.findall(r"^resume:  (paretoik resume .*)$", ended.out, flags=re.MULTILINE)
     again = paretoik(*shlex.split(command)[1:], "--time-limit", "0.01", "--json")
     assert again.code == 5
     assert strict(again.out)["resume"] == command
@@ -111,7 +111,7 @@ def test_an_interrupted_run_keeps_its_result(paretoik, mine, tmp_path, number, c
     out, err = process.communicate(timeout=60)
     assert process.returncode == code
     assert f"(ended by {number.name})" in out
-    assert f"\ngo on:   paretoik resume {tmp_path / 'run'} --problem {mine}:good\n" in out
+    assert f"\nresume:  paretoik resume {tmp_path / 'run'} --problem {mine}:good\n" in out
     assert "Traceback" not in err
     assert len(load_front(tmp_path / "run"))
     assert paretoik("select", tmp_path / "run", "--weights", "torque_norm=1").code == 0

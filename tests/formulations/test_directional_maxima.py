@@ -89,5 +89,7 @@ def test_impossible_directional_maxima_are_refused_by_name(problem, front):
     with pytest.raises(InvalidInput, match="at least one, got"):
         pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, [[1.0, 0.0, 0.0]])
     other = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, WAYS, power=False)
-    with pytest.raises(InvalidInput, match=f"problem must have the objectives {', '.join(problem.names)}, got others"):
+    with pytest.raises(
+        InvalidInput, match=f"problem must have the objectives {', '.join(problem.names)}, got {', '.join(other.names)}"
+    ):
         pk.refine(front, other)

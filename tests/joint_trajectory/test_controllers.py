@@ -32,7 +32,10 @@ def test_limits_are_one_a_joint_and_infinite_where_there_is_none():
         ({"rate": 0}, "controller bench: rate: must be positive, got 0 Hz"),
         ({"velocity": [1, 2, 3]}, "controller bench: velocity must be one value or 2, one per joint, got [1, 2, 3]"),
         ({"position": (1.0, -1.0)}, "controller bench: position of joint 1 must be lower ≤ upper, got 1.0 and -1.0"),
-        ({"other_joint_names": [("a", "b", "c")]}, "controller bench: other_joint_names must have 2 per list, got"),
+        (
+            {"other_joint_names": [("a", "b", "c")]},
+            "controller bench: other_joint_names must have 2 names per list, got",
+        ),
     ],
 )
 def test_what_is_no_controller_is_refused(changed, message, unchecked):

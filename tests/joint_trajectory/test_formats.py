@@ -138,7 +138,7 @@ def test_a_bag_replaces_nothing_but_a_bag(tmp_path):
     (tmp_path / "link").symlink_to(tmp_path / "photos")
     (tmp_path / "file").write_bytes(b"mine")
     for name in ("photos", "link", "file"):
-        with pytest.raises(InvalidInput, match=f"{name} must be a bag to replace, or nothing, got something else"):
+        with pytest.raises(InvalidInput, match=f"{name} must be a bag or not exist, got something else"):
             write_trajectory(sampled("planar"), tmp_path / name, "ros2-bag")
     assert (tmp_path / "photos" / "one.png").read_bytes() == (tmp_path / "file").read_bytes() == b"mine"
 
@@ -157,7 +157,7 @@ def test_the_ending_says_the_format_where_nothing_else_does(tmp_path, file, kind
 
 
 def test_an_unknown_ending_or_format_is_refused(tmp_path):
-    with pytest.raises(InvalidInput, match=r"a must have a format of csv, .*, or an ending of \.csv, .*, got none"):
+    with pytest.raises(InvalidInput, match=r"a must end in \.csv, .*, or have a format of csv, .*, got neither"):
         find_format(tmp_path / "a", None)
     with pytest.raises(InvalidInput, match=r"format must be one of csv, parquet, .*, got 'xml'"):
         find_format(tmp_path / "a.csv", "xml")

@@ -68,8 +68,8 @@ def test_columns_come_in_the_order_that_is_asked_for_by_name():
 @pytest.mark.parametrize(
     ("names", "fact"),
     [
-        (["joint1", "joint2", "wrist"], "got 'wrist', which is not among them"),
-        (["joint1", "joint2"], "got 'joint3', which is missing"),
+        (["joint1", "joint2", "wrist"], "got the unknown 'wrist'"),
+        (["joint1", "joint2"], "got no 'joint3'"),
     ],
 )
 def test_joints_that_are_not_the_arms_are_refused(names, fact, unchecked):

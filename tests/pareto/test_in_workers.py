@@ -16,7 +16,7 @@ from tests.pareto.sketches import ellipses, placed, scaled, sketched
 PROGRAM = scaled(sketched(2, ellipses), [2.0, 25.0])
 POINTS = placed(ellipses, np.random.default_rng(4).normal(scale=0.5, size=(9, 2)))
 
-pytestmark = pytest.mark.filterwarnings("ignore:workers. they do not pay")
+pytestmark = pytest.mark.filterwarnings("ignore:workers save no time")
 
 
 @pytest.fixture(scope="module")

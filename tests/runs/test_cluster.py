@@ -20,7 +20,7 @@ from tests.runs import work
 from tests.runs.test_processes import check_that_a_signal_ends, values, wait_until
 
 pytest.importorskip("distributed", reason="Dask is not installed: pip install paretoik[cluster]")
-pytestmark = pytest.mark.filterwarnings("ignore:cluster. no worker at .* is waited for")
+pytestmark = pytest.mark.filterwarnings("ignore:cluster. no worker at .* waiting for one")
 
 
 @pytest.fixture(scope="module")
@@ -114,10 +114,10 @@ def test_workers_that_never_come_are_waited_for_a_while(tmp_path):
 @pytest.mark.parametrize(
     ("number", "told", "reason"),
     [
-        (signal.SIGKILL, r"no scheduler at tcp://.*; one is waited for", r"no scheduler at tcp://.* for 3 s"),
+        (signal.SIGKILL, r"no scheduler at tcp://.*; waiting for one", r"no scheduler at tcp://.* for 3 s"),
         (
             signal.SIGSTOP,
-            r"the scheduler at tcp://.* has not answered for 1 s, .*; it is waited for, 3 s at most",
+            r"the scheduler at tcp://.* has not answered for 1 s, .*; waiting for it, 3 s at most",
             r"no answer from the scheduler at tcp://.* for 3 s",
         ),
     ],
@@ -150,7 +150,7 @@ def frozen(process, seconds):
 @pytest.mark.slow
 def test_a_scheduler_that_is_slow_to_answer_is_waited_for(tmp_path):
     options = replace(OPTIONS, watch=0.2, connection=1.0)
-    slow = r"cluster: the scheduler at tcp://.* has not answered for \d s, .*; it is waited for, 60 s at most"
+    slow = r"cluster: the scheduler at tcp://.* has not answered for \d s, .*; waiting for it, 60 s at most"
     with local_cluster(tmp_path, 1) as busy:
         with frozen(busy.scheduler.pid, 4.0), pytest.warns(RuntimeWarning, match=slow):
             cluster = Cluster(busy.address, options)

@@ -53,7 +53,7 @@ def test_what_a_run_says_becomes_strict_json(tmp_path):
 
 
 def test_what_json_cannot_hold_is_refused_by_its_place():
-    with pytest.raises(InvalidInput, match=r"run\.settings\[1\] must be what JSON can hold, got object"):
+    with pytest.raises(InvalidInput, match=r"run\.settings\[1\] must be JSON data, got object"):
         to_json({"settings": [1, object()]})
 
 

@@ -140,7 +140,7 @@ def test_a_killed_process_leaves_the_run_that_it_was_to_replace(tmp_path):
     process.send_signal(signal.SIGKILL)
     process.communicate()
     assert unfinished_note(tmp_path) == f"; the run that it was to replace is in {tmp_path / FORMER}"
-    with pytest.warns(RuntimeWarning, match="that run is back"), lock_folder(tmp_path):
+    with pytest.warns(RuntimeWarning, match="the run was restored"), lock_folder(tmp_path):
         assert contents(tmp_path) == before
 
 

@@ -167,5 +167,5 @@ def test_fingerprints_of_another_version_are_not_compared(stored):
 
 def test_another_problem_is_said_to_be_another():
     check_fingerprint(Plain(), fingerprint(Plain()), wish="")
-    with pytest.raises(pk.InvalidInput, match="run must be of it, got one whose fingerprint is another"):
+    with pytest.raises(pk.InvalidInput, match="run must be of it, got one with another fingerprint"):
         check_fingerprint(Plain(3.0), fingerprint(Plain()), wish="run must be of it")

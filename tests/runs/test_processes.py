@@ -88,7 +88,7 @@ def test_a_result_that_cannot_be_sent_is_an_error_not_a_wait(workers):
 
 
 def test_what_cannot_be_sent_is_refused_by_name(workers):
-    with pytest.raises(InvalidInput, match="workers: a problem must be picklable, got TypeError"):
+    with pytest.raises(InvalidInput, match="workers: a problem cannot be pickled: TypeError"):
         list(workers.replies(work.scaled, threading.Lock(), [1.0]))
 
 

@@ -85,7 +85,7 @@ def test_an_address_where_no_scheduler_can_be_is_refused_in_a_line():
         pass
 
 
-@pytest.mark.filterwarnings("ignore:cluster. no worker at .* is waited for")
+@pytest.mark.filterwarnings("ignore:cluster. no worker at .* waiting for one")
 def test_workers_of_a_cluster_run_seeds_as_processes_of_this_machine_do(tmp_path):
     pytest.importorskip("distributed", reason="Dask is not installed: pip install paretoik[cluster]")
 

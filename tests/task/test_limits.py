@@ -156,6 +156,6 @@ def test_a_margin_moves_every_joint_limit_inwards_by_a_share_of_its_range():
 @pytest.mark.parametrize("position", [[90, 120, 120], {"joint2": 120}])
 def test_position_limits_in_degrees_are_a_warning_that_says_what_makes_radians(position):
     with pytest.warns(
-        RuntimeWarning, match=r"position limit of joint\d: .* turns; of degrees, np.deg2rad makes radians"
+        RuntimeWarning, match=r"position limit of joint\d: .* turns; if it is in degrees, convert it by np.deg2rad"
     ):
         pk.Limits(position=position).bounds(pk.arms.tringali_3r(), 11)

@@ -225,11 +225,11 @@ def objective_of(function):
     [
         (
             lambda motion: np.full(len(motion.q), 3.0),
-            "objective odd must vary, got 3 for each of the first 40: it may be",
+            "objective odd must vary, got 3 for each of the first 40 arguments: it may be",
         ),
         (
             lambda motion: CHANCE.random(len(motion.q)),
-            r"objective odd must have one value for one argument, got 0\.6369\d* and then 0\.",
+            r"objective odd must have the same value for the same argument, got 0\.6369\d* and then 0\.",
         ),
     ],
 )

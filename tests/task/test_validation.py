@@ -65,7 +65,8 @@ def test_a_start_outside_its_limits_is_refused_with_the_joint():
 
 def test_a_start_of_degrees_is_asked_after():
     with pytest.raises(
-        InvalidInput, match=r"start must be at most .* m; 51\.5662 rad is 8\.21 turns; of degrees, np\.deg2rad"
+        InvalidInput,
+        match=r"start must be at most .* m; 51\.5662 rad is 8\.21 turns; if it is in degrees, convert",
     ):
         task(path=from_posture(), start=np.rad2deg(POSTURE))
     with pytest.raises(InvalidInput, match=r"start must be at most .*, got 0\.\d+ m$"):  # radians, elsewhere

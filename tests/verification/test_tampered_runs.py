@@ -89,5 +89,5 @@ def test_numbers_that_strict_json_has_not_are_refused(good_run, tmp_path):
     edited = edit(good_run("search")[0], tmp_path / "edited", lambda run: None)
     text = (edited / RUN).read_text()
     (edited / RUN).write_text(re.sub(r'"seed": 1\b', '"seed": NaN', text))
-    with pytest.raises(InvalidRun, match="must be strict JSON, got the number NaN"):
+    with pytest.raises(InvalidRun, match="not strict JSON: the number NaN"):
         pk.load_front(edited)
