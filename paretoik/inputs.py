@@ -266,7 +266,9 @@ def _array(name: str, value: object, kinds: str, wish: str) -> np.ndarray:
     except ValueError:
         raise InvalidInput(f"{name}: must be an array of numbers, got rows of different lengths") from None
     except Exception as error:  # another library's array may raise any error
-        raise InvalidInput(f"{name}: must be an array of numbers; reading it raised {cause_of(error)}") from None
+        raise InvalidInput(
+            f"{name}: must be an array of numbers, got an object whose reading raised {cause_of(error)}"
+        ) from None
     if array.dtype.kind not in kinds and array.size + (array.dtype.kind != "f") > 0:  # an empty list has floats
         kind = "text" if array.dtype.kind in "US" else array.dtype
         raise InvalidInput(f"{name}: must contain {wish}, got {kind}")

@@ -46,7 +46,7 @@ class Foreign:
 
 INPUTS = {
     "lengths: must be an array of numbers, got rows": lambda: arm(lengths=[1, [2]]),
-    "lengths: must be an array of numbers; reading it raised RuntimeError: not": lambda: arm(lengths=Foreign()),
+    "lengths: must be an array of numbers, got an object whose reading raised": lambda: arm(lengths=Foreign()),
     "lengths: must contain real numbers, got masked": lambda: arm(lengths=np.ma.array([0.1, 0.2], mask=[0, 1])),
     "lengths must be at most 1e\\+50, got 1e\\+308": lambda: arm(lengths=[1e308]),
     "lengths must be at least 1e-50, got 1e-300": lambda: arm(lengths=[0.1, 1e-300]),

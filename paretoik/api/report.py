@@ -144,7 +144,7 @@ def read_infeasible(folder: Path) -> InfeasibleRun | None:
     except InvalidRun:
         raise
     except (KeyError, TypeError, ValueError, AttributeError) as fault:
-        raise InvalidRun(f"{folder / RUN} has no valid entry {ENTRY!r}: {fault}") from fault
+        raise InvalidRun(f"{folder / RUN} must have a valid entry {ENTRY!r}, got: {fault}") from fault
 
 
 # Parts of a page.
@@ -178,4 +178,4 @@ def _steps(front: Front, folder: Path | None) -> Steps | None:
         parts = [np.stack([table[f"{part} {name}"] for name in front.names], axis=1) for part in STEP_PARTS]
         return Steps(times=np.asarray(table["time"]), chosen=parts[0], best=parts[1], worst=parts[2])
     except (ArrowException, KeyError, ValueError, OSError) as fault:
-        raise InvalidRun(f"{folder / STEPS}: not the steps of a closed loop: {fault}") from fault
+        raise InvalidRun(f"{folder / STEPS} must contain the steps of a closed loop, got: {fault}") from fault

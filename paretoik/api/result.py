@@ -160,7 +160,7 @@ def read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], Store
         except InvalidRun:
             raise
         except (KeyError, TypeError, ValueError) as fault:
-            raise InvalidRun(f"{folder / RUN}: not the entries of a plan: {fault}") from fault
+            raise InvalidRun(f"{folder / RUN} must have the entries of a plan, got: {fault}") from fault
 
 
 def _read_optima(file: Path, digest: object, name: str) -> dict[str, list[Any]]:
@@ -175,8 +175,8 @@ def _read_optima(file: Path, digest: object, name: str) -> dict[str, list[Any]]:
                 table = table.append_column(key, pa.array(np.full(len(table), np.nan)))
         columns = {kind.name: table.column(kind.name).cast(kind.type).to_pylist() for kind in kinds}
     except Exception as fault:  # any error of the parser is a fault of the file
-        wish = f"{file}: not a table with columns {', '.join(kinds.names)}"
-        raise InvalidRun(f"{wish}: {first_line(fault)}") from fault
+        wish = f"{file} must be a table with columns {', '.join(kinds.names)}"
+        raise InvalidRun(f"{wish}, got: {first_line(fault)}") from fault
     if not columns["id"] or any(None in values for values in columns.values()):
         raise InvalidRun(f"{file} must have optima with all entries, got none or missing entries")
     return {"objective" if key == name else key: values for key, values in columns.items()}

@@ -114,7 +114,7 @@ class Planner:
             if iterations == OPTIONS.iterations:
                 where = " ".join(f"{number:.6g}" for number in points[0])
                 raise SolverFailed(
-                    f"plan from [{where}] m: must converge within {OPTIONS.iterations} iterations, got no convergence"
+                    f"plan from [{where}] m: must converge within {OPTIONS.iterations} iterations, got more"
                 )
             iterations += 1
             inner, now = points[1:-1], float(intervals.sum())

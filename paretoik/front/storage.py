@@ -119,7 +119,7 @@ def front_files(front: FrontData) -> dict[str, bytes]:
     try:
         return result_files({**front.provenance, "objectives": objectives, "points": len(front)}, files)
     except (TypeError, ValueError) as fault:
-        raise InvalidInput(f"front provenance must be strict JSON: {fault}") from fault
+        raise InvalidInput(f"front provenance must be strict JSON, got: {fault}") from fault
 
 
 def stored_points(folder: Path) -> dict[int, tuple[float, ...]]:
@@ -169,7 +169,7 @@ def load(folder: Path, *, make: Callable[..., Front], build_motions: MotionBuild
             provenance={key: value for key, value in run.items() if key not in RESERVED_ENTRIES},
         )
     except (InvalidInput, TypeError, ValueError) as fault:
-        raise InvalidRun(f"{folder} is not a valid front: {fault}") from fault
+        raise InvalidRun(f"{folder} must be a valid front, got: {fault}") from fault
     return attach(front, folder)
 
 

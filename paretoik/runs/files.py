@@ -161,7 +161,7 @@ def read_run(file: Path, *, kind: str = "a run") -> dict[str, Any]:
     try:
         run = json.loads(content, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as fault:
-        raise InvalidRun(f"{file}: not strict JSON: {fault}") from fault
+        raise InvalidRun(f"{file} must be strict JSON, got: {fault}") from fault
     if not isinstance(run, dict) or "format" not in run:
         raise InvalidRun(f"{file} must be {kind}, got JSON without a format")
     if run["format"] != FORMAT:

@@ -97,5 +97,5 @@ def test_damaged_steps_of_a_loop_are_refused(front, tmp_path):
     looped = {**front.provenance, "timeline": "step", "counts": {"steps": 1, "of": 1, "seconds": 0.0}}
     replace(front, problem=None, provenance=looped).save(tmp_path)
     (tmp_path / "steps.parquet").write_bytes(b"PAR1 no table")
-    with pytest.raises(InvalidRun, match=r"steps\.parquet: not the steps of a closed loop"):
+    with pytest.raises(InvalidRun, match=r"steps\.parquet must contain the steps of a closed loop, got:"):
         pk.report(tmp_path)

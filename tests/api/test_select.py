@@ -17,7 +17,7 @@ def test_a_front_selects_from_itself(front):
 
 
 def test_out_without_a_new_run_is_refused(front, tmp_path):
-    with pytest.raises(pk.InvalidInput, match="out must come with a closed loop and other weights than its own"):
+    with pytest.raises(pk.InvalidInput, match="out must be None unless a closed loop gets other weights than its own"):
         select(front, pk.Weights(torque_norm=1.0), out=tmp_path / "run")
     assert not (tmp_path / "run").exists()
 

@@ -130,5 +130,5 @@ def test_what_cannot_be_used_is_refused_by_name(message):
 
 def test_what_does_not_converge_says_so(monkeypatch):
     monkeypatch.setattr(planner, "OPTIONS", planner.PlannerOptions(iterations=1))
-    with pytest.raises(SolverFailed, match=r"plan from \[1 3\] m: must settle within 1 iterations"):
+    with pytest.raises(SolverFailed, match=r"plan from \[1 3\] m: must converge within 1 iterations"):
         fastest_plan(HalfPlane(), [1.0, 3.0], [-1.0, 0.2], formulation="printed")

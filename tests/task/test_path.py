@@ -155,7 +155,7 @@ START, END = [0.0, 0.0], [1.0, 0.0]
         ),
         (lambda: line(START, START, duration=1.0), "line: start and end must differ, got both at [0.0, 0.0]"),
         (lambda: line([0.0], END, duration=1.0), "line start: must be a 2-D or 3-D point, got shape (1,)"),
-        (lambda: circle(START, 1.0, duration=1.0, turns=0), "circle turns: must not be 0"),
+        (lambda: circle(START, 1.0, duration=1.0, turns=0), "circle |turns| must be above 0"),
         (
             lambda: waypoints([START, END, END], duration=1.0),
             "must differ from one to the next, got the same for 1 and 2",

@@ -20,12 +20,12 @@ OFF_THE_PATH = {
     "columns swapped": r"motions must be on the path of the problem, got point \d+ 0\.\d+ m off it at sample",
     "names of joints swapped": r"motions must be on the path of the problem, got point \d+ 0\.\d+ m off it at sample",
     "a joint of another name": r"motions must have the joints joint1, joint2, joint3, got joint1, joint2, wrist",
-    "times that go back": r"motions must have the times of the problem's path, got others",
-    "times stretched": r"motions must have the times of the problem's path, got others",
-    "a time shifted": r"motions must have the times of the problem's path, got others",
+    "times that go back": r"motions must have the times of the problem's path, got other times",
+    "times stretched": r"motions must have the times of the problem's path, got other times",
+    "a time shifted": r"motions must have the times of the problem's path, got other times",
     "a motion reversed": r"motions must be on the path of the problem, got point \d+ 0\.\d+ m off it at sample 0",
     "not a number": "must have finite q",
-    "a motion missing": "must have the ids of front.parquet, got others",
+    "a motion missing": "must have the ids of front.parquet, got other ids",
     "an id twice": "front ids must be unique",
     "a dominated point": "front points must be mutually non-dominated, got 1",
     "a jump in a loop": r"motions must be at a mean distance of \S+ m from the path, got \S+ m",
@@ -89,5 +89,5 @@ def test_numbers_that_strict_json_has_not_are_refused(good_run, tmp_path):
     edited = edit(good_run("search")[0], tmp_path / "edited", lambda run: None)
     text = (edited / RUN).read_text()
     (edited / RUN).write_text(re.sub(r'"seed": 1\b', '"seed": NaN', text))
-    with pytest.raises(InvalidRun, match="not strict JSON: the number NaN"):
+    with pytest.raises(InvalidRun, match="must be strict JSON, got: the number NaN"):
         pk.load_front(edited)
