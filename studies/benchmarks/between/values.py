@@ -29,7 +29,7 @@ from studies.reporting import Row, goal_row, report, study_parser, tell
 FINER = 200
 GOAL, AGREEMENT = 0.1, 1e-6  # % of a value; share of a range
 CASES, QUICK_CASES, SAMPLES = 20, 3, (15, 25, 41)
-POINTS = 10  # of a front that are refined, at most; 40 take a day of processor time
+POINTS = 10  # of a front that are refined, at most; with 40, five of twenty cases took an hour
 OTHERS = (pk.peak_torque, pk.joint_travel, pk.mechanical_energy)
 
 
