@@ -399,9 +399,9 @@ def _speed_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray
     for one in task.tasks:
         size = one.position_rows
         here, wanted = jacobian[:, row : row + size], velocity[column : column + size]
-        for u in _directions(wanted, here):
-            most = (np.abs(np.einsum("br,brd->bd", u, here)) * fastest).sum(axis=1)
-            needed = np.maximum(needed, u @ wanted / np.maximum(most, 1e-300))
+        u = _directions(wanted, here)
+        most = (np.abs(np.einsum("nbr,brd->nbd", u, here)) * fastest).sum(axis=-1)
+        needed = np.maximum(needed, (u @ wanted / np.maximum(most, 1e-300)).max(axis=0))
         row, column = row + one.rows, column + one.target_size
     return (needed - 1) / 2
 
@@ -508,29 +508,27 @@ def _may_reach(
         keep &= np.linalg.norm(error[:, rotation], axis=1) <= turning + ON_PATH_TOLERANCE
         for other, step in steps if np.isfinite([step for _, step in steps]).all() else ():
             path = (task.targets[other] - task.targets[sample])[column : column + size]
-            for u in _directions(path, jacobian[:, position]):
-                most = ((np.abs(np.einsum("br,brd->bd", u, jacobian[:, position])) + blur) * step).sum(axis=1)
-                keep &= u @ path <= most + step @ bend @ step / 2
+            u = _directions(path, jacobian[:, position])
+            most = ((np.abs(np.einsum("nbr,brd->nbd", u, jacobian[:, position])) + blur) * step).sum(axis=-1)
+            keep &= (u @ path <= most + step @ bend @ step / 2).all(axis=0)
         row, column = row + one.rows, column + one.target_size
     return keep
 
 
-def _directions(path: np.ndarray, jacobian: np.ndarray) -> list[Float[np.ndarray, "boxes axes"]]:
+def _directions(path: np.ndarray, jacobian: np.ndarray) -> Float[np.ndarray, "directions boxes axes"]:
     """Return unit vectors along which the tool may be too slow.
 
     One is along the path, the others are normal to columns of J, as are the facets of the zonotope of the tool's
     possible velocities.
     """
     along = path / max(float(np.linalg.norm(path)), 1e-300)
-    candidates = [np.broadcast_to(along, jacobian.shape[:2])]
     columns = np.moveaxis(jacobian, 2, 0)
     if len(path) == 2:
-        candidates += [np.stack([-column[:, 1], column[:, 0]], axis=1) for column in columns]
+        normals = np.stack([-columns[..., 1], columns[..., 0]], axis=-1)
     else:
-        candidates += [np.cross(columns[i], columns[j]) for i in range(len(columns)) for j in range(i)]
-    directions = []
-    for candidate in candidates:
-        length = np.linalg.norm(candidate, axis=1, keepdims=True)
-        u = np.where(length > 1e-9, candidate / np.maximum(length, 1e-9), along)
-        directions.append(np.where((u @ path)[:, None] < 0, -u, u))
-    return directions
+        i, j = np.tril_indices(len(columns), -1)
+        normals = np.cross(columns[i], columns[j])
+    candidates = np.concatenate([np.broadcast_to(along, (1, *jacobian.shape[:2])), normals])
+    length = np.linalg.norm(candidates, axis=-1, keepdims=True)
+    u = np.where(length > 1e-9, candidates / np.maximum(length, 1e-9), along)
+    return np.where((u @ path)[..., None] < 0, -u, u)
