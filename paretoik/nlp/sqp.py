@@ -181,7 +181,7 @@ class _Search:
             self.status = INTERRUPTED
             return
         if self.iterations >= options.iterations:
-            self.status = ITERATION_LIMIT
+            self.status = CONVERGED if self._is_critical() else ITERATION_LIMIT
             return
         if not np.isfinite([self.iterate.merit(self.penalty), *self.at.gradients.flat]).all():
             self.status = NOT_FINITE
@@ -321,6 +321,11 @@ class _Search:
             return
         if not feasible:
             self.status = VIOLATED
-        else:  # no direction gains more than rounding to first order
-            gain = 0.0 if settled else quick_criticality(self.gradient[None], self.constraints, self.at.unit).value
-            self.status = CONVERGED if gain <= options.criticality_tolerance else NO_PROGRESS
+        else:
+            self.status = CONVERGED if settled or self._is_critical() else NO_PROGRESS
+
+    def _is_critical(self) -> bool:
+        """Return whether the iterate is feasible, and no direction gains more than rounding to first order."""
+        constraints, _ = bounded(self.at, self.goal)
+        gain = quick_criticality((self.goal.weights @ self.at.gradients)[None], constraints, self.at.unit).value
+        return bool(self._worst_violation() <= self.options.tolerance and gain <= self.options.criticality_tolerance)

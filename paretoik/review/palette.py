@@ -78,7 +78,6 @@ class MarkSizes:
     ring: float = 3.0  # additional radius for each mark drawn on top
     clearance: float = 9.0  # distance between a label and the middle of its mark
     label_steps: tuple[float, ...] = (1.0, 2.0, 3.5)  # farther distances of labels, in heights of a label
-    outside: float = 1000.0  # penalty for leaving the frame, as a number of covered marks
     label_gap: float = 4.0  # distance between labels and other marks
     frame_gap: float = 3.0  # distance to the frame below which a label counts as outside
     title_gap: float = 14.0  # distance between labels above the frame and the vertical axis label

@@ -11,7 +11,7 @@ import pytest
 from paretoik.errors import EvaluationFailed
 from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.nlp.dense.traced_rows import trace_rows
-from paretoik.nlp.program import CONVERGED, VIOLATED, Goal, bounded
+from paretoik.nlp.program import CONVERGED, ITERATION_LIMIT, VIOLATED, Goal, bounded
 from paretoik.nlp.sqp import SqpOptions, minimise
 
 OPTIONS = SqpOptions(radius=0.1, tolerance=1e-9)
@@ -62,6 +62,13 @@ def test_the_conditions_of_optimality_hold(seed, kinked):
     assert np.abs(at.equalities).max() <= 1e-9
     assert goal.weights @ at.gradients == pytest.approx(constraints.jacobian.T @ multipliers, abs=1e-5)
     assert multipliers @ np.abs(constraints.values) <= 1e-6
+
+
+def test_at_the_limit_of_iterations_only_an_optimum_has_converged():
+    program, x = bowl(1)
+    optimum = minimise(program, x, first_of_two(), OPTIONS).x
+    ends = [minimise(program, start, first_of_two(), replace(OPTIONS, iterations=0)) for start in (x, optimum)]
+    assert [end.status for end in ends] == [ITERATION_LIMIT, CONVERGED]
 
 
 @pytest.mark.parametrize("seed", range(2))
