@@ -53,7 +53,7 @@ def test_a_front_that_a_killed_process_was_to_replace_is_named_and_can_be_opened
     process.kill()
     process.communicate()
     former = tmp_path / ".former-run"
-    with pytest.raises(pk.InvalidInput, match=f"of status 'running' without; the run that it was to .* {former}$"):
+    with pytest.raises(pk.InvalidInput, match=f"of status 'running' without a front; the run that it .* {former}$"):
         pk.load_front(tmp_path)
     assert np.array_equal(pk.Front.load(former).objectives, front.objectives)
 
