@@ -122,9 +122,9 @@ class Certificates:
         return Certificates(**{part.name: getattr(self, part.name)[rows] for part in fields(self)})
 
     def rescale(self, ranges: Values, others: Values) -> Certificates:
-        """Return the certificates with the ranges ``others`` (n_obj,) in place of ``ranges``.
+        """Return the certificates converted from ``ranges`` to the ranges ``others`` (n_obj,).
 
-        Weights then refer to ``others``. The criticality becomes an upper bound.
+        The criticality becomes an upper bound.
         """
         factors = others / ranges
         weights = self.weights * factors

@@ -38,7 +38,7 @@ def named_numbers(
             is_number = False
         if not is_number or (value < 0 and not signed):
             wish = "a finite number" if signed else "a finite number >= 0"
-            raise InvalidInput(f"{kind} must be {wish} for {name}, got {shown(value)}")
+            raise InvalidInput(f"{kind}: {name} must be {wish}, got {shown(value)}")
     return MappingProxyType({name: float(value) for name, value in merged.items()})
 
 
@@ -103,12 +103,12 @@ class Comparison:
 @represented
 @dataclass(frozen=True, kw_only=True)
 class ExchangeRate:
-    """Loss in objective ``cost`` per unit gained in objective ``gain``, from the chosen point; the others stay equal.
+    """Loss in objective ``cost`` per unit gained in objective ``gain`` at the chosen point, the others fixed.
 
     low, high: bounds of the rate from the certificate, in units of ``cost`` per unit of ``gain``
     holds_to: id of the farthest point up to which all rates for ``gain`` predict the losses within 10 %
     holds_for: gain of that point, else 0
-    fails_at: id of the next point: the rates are off by more than 10 %, or it is on another branch
+    fails_at: id of the next point; its losses are off by more than 10 %, or it is on another branch
 
     Ids are None if there is no such point or rates are missing.
     """
@@ -185,7 +185,7 @@ class Preference(Protocol):
 
 
 def check_preference(name: str, value: object) -> None:
-    """Raise InvalidInput, with ``name``, unless a value has a method ``choose``.
+    """Raise InvalidInput unless a value has a method ``choose``.
 
     Classes and arrays are refused too.
     """
@@ -277,7 +277,7 @@ def exchange_rates(front: FrontData, row: int) -> tuple[ExchangeRate, ...]:
     on_branch = np.searchsorted(jumps, np.arange(len(front))) == np.searchsorted(jumps, row)
     shares, result = front.shares, list[ExchangeRate]()
     for i, gain in enumerate(front.names):
-        # Points that gain are checked in order of distance (in shares), until rates do not hold or the front jumps.
+        # Points that gain are checked, the nearest first (in shares), until rates do not hold or the front jumps.
         better = np.flatnonzero(shares[row, i] - shares[:, i] > OPTIONS.rounding)
         distance = np.linalg.norm(shares[better] - shares[row], axis=1)
         rows = better[np.lexsort((front.ids[better], distance))]

@@ -220,7 +220,7 @@ def pick_point(
 
 
 def present_id(front: FrontData, *, name: str) -> int:
-    """Return the id of the present choice's or of the only point; raises InvalidInput if there is neither."""
+    """Return the id of the present choice's point, else of the only point; raises InvalidInput without both."""
     choices = kept_choices(front)
     return int(front.ids[0]) if choices.chosen is None and len(front) == 1 else present_point(choices, name=name)
 

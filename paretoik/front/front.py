@@ -56,7 +56,7 @@ def view(
     """Return the front as a ``FrontView``, which a notebook shows as the Rerun viewer.
 
     ``selected`` has the ids of the points that were selected last, in any of its pictures. ``choice`` is the point
-    whose motion the arm shows: the first selected one, before any selection the present choice or else the compromise.
+    whose motion the arm shows: the first selected one; if none is, the present choice, or else the compromise.
     ``show(id)`` shows another one; ``on_select(callback)`` sets a function that gets the ids of every selection.
 
     On a certified front there are ``sliders``, one per objective, to move along the front. While one is dragged towards

@@ -58,7 +58,7 @@ class PreferenceOptions:
     hull: largest distance above the convex hull at which a point counts as on it
     prediction: largest relative error of a prediction for which exchange rates hold
     described: largest number of objectives for which every comparison has a sentence
-    neighbours: number of nearest points in the first convex combination that is compared with a point
+    neighbours: number of nearest points in the first convex combinations that are compared with a point
     """
 
     rounding: float = 1e-9
@@ -110,8 +110,8 @@ def supported(shares: Objectives) -> Mask:
 def unmatched_by_mixtures(shares: Objectives) -> Mask:
     """Mark the points that no convex combination of points beats by δ, by nonnegative least squares.
 
-    One beats p if λ, s >= 0 exist with Σλ = 1 and Σ λ_q Z_q + s = Z_p − δ; if p is on the hull, the least residual is
-    at least δ/√n_obj. The first combination has the points near p and each objective's best. While the residual r
+    A combination beats p if λ, s >= 0 exist with Σλ = 1 and Σ λ_q Z_q + s = Z_p − δ. For p on the hull the residual is
+    at least δ/√n_obj. The first combinations are of the points near p and each objective's best. While the residual r
     separates p from these but not from all points, the point farthest along r is added (column generation).
     """
     from scipy.optimize import nnls  # imported here, because it is slow

@@ -436,7 +436,7 @@ def merge_named(
 
 
 def merge_bounds(name: str, bounds: Mapping[str, Bound] | None, named: Mapping[str, Bound]) -> dict[str, Bound]:
-    """Return the bounds of objectives by name; raises InvalidInput for faults that show without a front."""
+    """Return the bounds of objectives by name, checked as far as possible without a front."""
     merged = merge_named(name, bounds, named, "bounds", "{'energy': (None, 0.05)}")
     for each, pair in merged.items():
         if not isinstance(pair, list | tuple) or len(pair) != 2:
@@ -471,7 +471,7 @@ def inside(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> Mask:
 
 
 def check_known(names: Sequence[str], label: str, given: Iterable[str]) -> None:
-    """Raise InvalidInput, with the valid names, if a given one is not among them."""
+    """Raise InvalidInput, which lists the valid ``names``, if a given one is not among them."""
     for each in given:
         if each not in names:
             hint = likely_spelling(each, names)

@@ -80,8 +80,8 @@ def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
         minimise    ‖Aᵀy − gradient‖²,  rows of A: gradients of active limits and bounds
         subject to  y ≥ 0
 
-    Returns None if the point is singular or the least squares fail. At a limit that was
-    tightened between samples the point has slack; the larger slack in ``OPTIONS.active`` still counts it as active.
+    Returns None if the point is singular or the least squares fail. At a limit that was tightened between samples the
+    point has slack; the larger slack in ``OPTIONS.active`` still counts the limit as active.
     """
     from paretoik.nlp.parametric_qp.local_model import first_order  # here: numba
 

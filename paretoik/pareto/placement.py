@@ -92,7 +92,7 @@ def _levels(ends: Float[np.ndarray, "2 n_obj"]) -> list[tuple[int, Float[np.ndar
 
 
 def _wide_gaps(values: np.ndarray, ends: np.ndarray) -> list[tuple[float, ...]]:
-    """Return the gaps between two points that are at least 95 % as wide as their distance."""
+    """Return the gaps between two points that are at least 95 % as wide as the two are apart."""
     size = float(np.linalg.norm(ends[1] - ends[0]))
     off = np.linalg.norm(values[:, None] - ends, axis=2)
     inside = np.sum(off**2, axis=1) <= size**2 * (1 + 1e-9)

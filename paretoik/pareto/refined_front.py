@@ -52,7 +52,7 @@ class Completion:
     first_id: int  # id of the first new point
     # number of starts per objective; fewer than without a search, because the search has explored already
     starts: int = 24
-    cold_points: int = 0  # number of points that are also searched from starts
+    cold_points: int = 0  # number of points that are also searched from random starts
 
 
 class RefinedFront(NamedTuple):

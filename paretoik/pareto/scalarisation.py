@@ -102,7 +102,7 @@ class WarmStartOptions:
         InteriorPointOptions(barrier=1e-6, radius=0.02),
         InteriorPointOptions(barrier=1e-3, radius=0.02),
     )
-    # largest loss of a solution, as a share of its start's objective, that shows that the start is optimal
+    # largest loss by which a solution still shows that its start is optimal, as a share of the start's objective
     rounding: float = 1e-7
 
 
@@ -176,7 +176,7 @@ class ColdSearchOptions:
 
     starts: int = 48  # default number of starts
     weight: float = 1e-3  # weight of the other objectives when one is minimised; without it they may be unbounded
-    initial: int = 4  # number of initial points from which each objective's optima are searched, its best ones
+    initial: int = 4  # number of initial points, the best in an objective, from which its optima are searched
     batch: int = 4  # number of starts between two calls of the observer
     distinct: float = 0.01  # distance (rad or m, RMS) below which points are one
     # barrier, second_barrier: solver settings of the first and the second attempt

@@ -52,7 +52,7 @@ class EpsilonOptions:
     rounds: int = 3  # largest number of rounds of such searches
     basin_iterations: int = 60  # number of iterations of such a search
     batch: int = 8  # number of points minimised between two calls of the observer
-    # largest difference and distance of the ends of a front that is one point; the solver's last barrier leaves as much
+    # the front is one point if its ends differ by no more than this; the solver's last barrier may leave as much
     resolution: float = 1e-7  # difference of every objective, as a share of its size
     resolved_distance: float = 1e-3  # RMS distance in rad or arm lengths
     # solver settings for starts from a nearby point
@@ -76,10 +76,10 @@ Key: TypeAlias = tuple[bytes, int, bytes, InteriorPointOptions]
 
 
 class Level(NamedTuple):
-    """A minimisation of one objective, with small weights of the others, from x.
+    """A minimisation of one objective, with small weights of the others.
 
-        minimise    F_main(x) + weight · Σ F_j(x)
-        subject to  F_j(x) ≤ ε_j
+        minimise    F_main(y) + weight · Σ F_j(y)  from y = x
+        subject to  F_j(y) ≤ ε_j
 
     ``upper`` is ε, inf for ``main``.
     """
@@ -250,7 +250,7 @@ class Sweep:
             for target in targets if enough else targets[:1]:
                 pair = pairs[target.gap]
                 if len(self.tried.get(pair, ())) < self.n_obj:
-                    # minimise to a target across the longer untried side of a gap
+                    # minimise to the target, below a bound on the longer side that was not tried before
                     ends, levels = self._values[list(pair)], self._levels(pair, target)
                     main, upper = levels[0].main, levels[0].upper
                     weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
@@ -299,7 +299,7 @@ class Sweep:
     def _levels(self, pair: tuple[int, int], target: Target) -> list[Level]:
         """Return the levels to a target in a gap, from the nearer end first.
 
-        Their bound is on the longer side of the gap that was not tried yet.
+        They bound the longer side of the gap, or the other one if that was tried before.
         """
         ends, mains = self._values[list(pair)], self.tried.get(pair, ())
         main = next(k for k in np.argsort(np.abs(ends[0] - ends[1]), kind="stable").tolist() if k not in mains)

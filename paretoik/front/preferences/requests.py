@@ -116,7 +116,7 @@ def _in_words(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> str:
     return list_words(words) or "no bound"
 
 
-# Checks of preferences from users, and of their answers.
+# Checks of users' preferences, and of the choices that they make.
 
 
 BY_NAME: dict[str, Callable[[], Preference]] = {"knee": Knee, "compromise": Compromise}  # those without parameters
@@ -125,7 +125,7 @@ BY_NAME: dict[str, Callable[[], Preference]] = {"knee": Knee, "compromise": Comp
 def as_preference(wish: Any, *, name: str = "select") -> Preference:
     """Return a user's request (preference, name, weights by objective, or id) as a preference.
 
-    Raises InvalidInput, with valid requests, for anything else.
+    Raises InvalidInput, which lists valid requests, for anything else.
     """
     if isinstance(wish, str):
         if wish in BY_NAME:

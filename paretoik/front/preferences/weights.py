@@ -58,7 +58,7 @@ class Lexicographic:
             )
         twice = [name for name in order if order.count(name) > 1]
         if twice:
-            raise InvalidInput(f"lexicographic must have each objective once, got {twice[0]} twice")
+            raise InvalidInput(f"lexicographic: each objective must be named once, got {twice[0]} twice")
         amounts, shares = (
             named_numbers(f"lexicographic {field}", each, {}, signed=False)
             for field, each in (("tolerances", tolerances), ("tolerance_shares", tolerance_shares))
@@ -154,7 +154,7 @@ def check_weights(kind: str, mapping: Mapping[str, float] | None, keywords: Mapp
     """Return weights by objective; raises InvalidInput unless all are at least 0 and one is positive."""
     weights = named_numbers(kind, mapping, keywords, signed=False)
     if not any(weights.values()):
-        raise InvalidInput(f"{kind} must have at least one above zero, got {shown(dict(weights))}")
+        raise InvalidInput(f"{kind}: at least one must be above zero, got {shown(dict(weights))}")
     return weights
 
 
@@ -175,9 +175,9 @@ def weights_in_words(front: FrontData, weights: Values) -> str:
 class Robust:
     """Weights that may each be wrong by a share ``uncertainty``; the largest regret is minimised.
 
-    The regret of a point under weights v is its v·Z less the smallest v·Z of all points. v is in the box w(1 ±
-    uncertainty), w are the given weights, scaled to sum 1. The regret is convex in v, so that it is largest at a vertex
-    of the box; the point with the least largest regret is chosen (min-max regret; Savage 1951; Kouvelis and Yu 1997).
+    The regret of a point under weights v is its v·Z less the smallest v·Z of all points. The weights v are in the box
+    w(1 ± uncertainty) around the given ones w, scaled to sum 1. The regret is convex in v, so that it is largest at a
+    vertex; the point with the least largest regret is chosen (min-max regret; Savage 1951; Kouvelis and Yu 1997).
 
     ``Robust(kinetic_energy=0.3, torque_norm=0.7, uncertainty=0.2)``. Raises InvalidInput for weights as ``Weights``
     does, and for an uncertainty that is not between 0 and 1.

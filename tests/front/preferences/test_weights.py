@@ -92,7 +92,7 @@ def test_the_numbers_of_a_verdict_are_fields_of_the_choice():
 @pytest.mark.parametrize("weight", [-1.0, float("nan"), "1"])
 @pytest.mark.usefixtures("unchecked")
 def test_a_weight_that_is_no_number_from_zero_up_is_refused(weight):
-    with pytest.raises(InvalidInput, match="must be a finite number >= 0 for energy"):
+    with pytest.raises(InvalidInput, match="energy must be a finite number >= 0"):
         Weights(energy=weight)
 
 
