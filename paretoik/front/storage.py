@@ -189,7 +189,7 @@ def _read_front_entries(file: Path) -> dict[str, Any]:
         )
     check_digest(file, run)
     if "holds" in run:
-        raise InvalidRun(f"{file} must be a run with a front, got a run with {run['holds']}")
+        raise InvalidRun(f"{file} must be a run with a front, got one that contains {run['holds']}")
     files, objectives = run["files"], run.get("objectives")
     is_complete = (
         isinstance(files, dict)

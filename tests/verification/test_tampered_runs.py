@@ -73,7 +73,7 @@ def test_no_file_but_the_runs_own_is_read_where_it_is_edited(good_run, tmp_path)
         ({**content, "objectives": []}, "must have objectives and the digests"),
         ({**content, "objectives": content["objectives"][::-1]}, None),
         ({**content, "files": {**content["files"], "../escape": "0" * 64}}, "must have objectives and the digests"),
-        ({**content, "holds": "a plan"}, "must be a run with a front, got a run with a plan"),
+        ({**content, "holds": "a plan"}, "must be a run with a front, got one that contains a plan"),
     ):
         anew = {name: value for name, value in entries.items() if name not in ("format", "digest")}
         text = run_bytes(anew).decode()
