@@ -76,7 +76,7 @@ INPUTS = {
     "problem must be a pymoo problem, such as Tracking, got None": lambda: pk.Search(None),
     "plan: the problem must have gradients": lambda: pk.plan(pk.Tracking),
     "folder must be a path, got None": lambda: pk.load_front(None),
-    "weights must be a finite number >= 0 for torque, got 1000": lambda: pk.Weights(torque=HUGE),
+    "weights: torque must be a finite number >= 0, got 1000": lambda: pk.Weights(torque=HUGE),
     "select: must be a preference, such as .*class": lambda: solve().select(pk.Weights),
     "limits must be Limits, got 5": lambda: loop(limits=5),
 }

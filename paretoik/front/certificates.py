@@ -30,7 +30,7 @@ def certificate_text(certificates: Certificates) -> str:
     if errors := _worst(certificates.discretisation_error.max(axis=1, initial=0.0)):
         lines.append(f"values differ from those of the curves by {errors} of their units")
     reasons = certificates.reason[certificates.status == "undetermined"].tolist()
-    if len(reasons) > 1:  # the same text if only numbers differ
+    if len(reasons) > 1:  # reasons that differ only in numbers count as one
         reasons = [re.sub(r"^(criticality|curvature) \S+?(:?) ", r"\1\2 ", reason) for reason in reasons]
     kinds, counts = np.unique([reason for reason in reasons if reason], return_counts=True)
     order = np.argsort(-counts, kind="stable")
@@ -39,7 +39,7 @@ def certificate_text(certificates: Certificates) -> str:
 
 
 def _worst(values: Values) -> str:
-    """Return the worst value except NaN in words; "" if all are NaN."""
+    """Return the worst value that is not NaN, in words; "" if all are NaN."""
     if len(values) and np.isnan(values).all():
         return ""
     worst = float(np.fmax.reduce(values, initial=0.0))
@@ -56,19 +56,18 @@ class Certificates:
 
     violation: worst violation of all limits at the samples, as a share of a limit's range
     violation_between: upper bound of the violation at any time
-    criticality: criticality χ, the improvement that all objectives can still gain at once, as shares of the front's
-        ranges
+    criticality: criticality χ, the gain that all objectives can still have at once, as a share of the front's ranges
     weights: multipliers (points, n_obj) of the objectives divided by these ranges; their sum is 1
-    exchange_rates: derivatives [p, i, j] = ∂f_j/∂f_i with the others fixed, in natural units; NaN if f_i or f_j has no
-        weight, the point is not critical or multipliers are not unique
+    exchange_rates: derivatives [p, i, j] = ∂f_j/∂f_i at point p with the others fixed, in natural units; NaN if f_i or
+        f_j has no weight, the point is not critical or multipliers are not unique
     exchange_intervals: smallest and largest value of each exchange rate [p, i, j], NaN if unknown
     status: "minimum", "saddle", "undetermined", or "under-resolved": critical for its samples, but a value is off by
         more than 0.1 % on the motion's curve
     reason: why a point is no minimum or its intervals are unknown, else ""
-    discretisation_error: error of the stated values (points, n_obj) against those of the curve, on a grid 50 times
-        finer, in the objectives' units
+    discretisation_error: difference (points, n_obj) of the objectives from their values on the motion's curve, computed
+        on a grid 50 times finer, in the objectives' units
 
-    Values that could not be computed are NaN. A minimum of a spline's problem satisfies its limits at any time.
+    Values that could not be computed are NaN. If motions are splines, a minimum satisfies its limits at any time.
     """
 
     violation: Values
@@ -115,7 +114,7 @@ class Certificates:
     def __repr__(self) -> str:
         """Return the points per status, the worst values, and the names of the arrays."""
         parts = " ".join(f".{part.name}" for part in fields(self))
-        return fit_screen(f"Certificates of {len(self)} points\n{certificate_text(self)}\nof each point {parts}")
+        return fit_screen(f"Certificates of {len(self)} points\n{certificate_text(self)}\narrays: {parts}")
 
     _repr_html_ = html_representation
 
@@ -123,10 +122,9 @@ class Certificates:
         return Certificates(**{part.name: getattr(self, part.name)[rows] for part in fields(self)})
 
     def rescale(self, ranges: Values, others: Values) -> Certificates:
-        """Return the certificates with the ranges ``others`` (n_obj,) in place of ``ranges``.
+        """Return the certificates converted from ``ranges`` to the ranges ``others`` (n_obj,).
 
-        Weights then refer to ``others``. The criticality becomes an upper bound: no gain is a larger share of
-        ``others``.
+        The criticality becomes an upper bound.
         """
         factors = others / ranges
         weights = self.weights * factors

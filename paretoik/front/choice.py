@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def named_numbers(
     kind: str, mapping: Mapping[str, float] | None, keywords: Mapping[str, float], *, signed: bool = True
 ) -> Mapping[str, float]:
-    """Return read-only numbers by objective, at least 0 unless ``signed``.
+    """Return a read-only mapping of objectives to numbers, at least 0 unless ``signed``.
 
     Raises InvalidInput for other values and repeated names.
     """
@@ -38,22 +38,22 @@ def named_numbers(
             is_number = False
         if not is_number or (value < 0 and not signed):
             wish = "a finite number" if signed else "a finite number >= 0"
-            raise InvalidInput(f"{kind} must be {wish} for {name}, got {shown(value)}")
+            raise InvalidInput(f"{kind}: {name} must be {wish}, got {shown(value)}")
     return MappingProxyType({name: float(value) for name, value in merged.items()})
 
 
 def named_text(numbers: Mapping[str, float]) -> str:
-    """Return numbers by objective as Python writes them."""
+    """Return numbers by objective as keyword arguments, or as a dict if a name is not an identifier."""
     identifiers = all(name.isidentifier() for name in numbers)
     return ", ".join(f"{name}={value:g}" for name, value in numbers.items()) if identifiers else str(dict(numbers))
 
 
 def first_row(front: FrontData, scores: Values, among: Mask | None = None) -> int:
-    """Return the row with the least of ``scores`` (points,), in shares of the ranges.
+    """Return the row with the least score; ``scores`` (points,) are in shares of the ranges.
 
-    Scores within rounding of the least are equal. Ties are decided by the lowest sum of shares ΣZ, then by the better
-    first objective, the second and so on, then by the lowest id.
-    ``among`` marks the rows to look at, at least one; None means all.
+    Scores within rounding of the least are equal. Ties are decided by the lowest sum of shares ΣZ, then by the best
+    first objective, the second and so on, then by the lowest id. ``among`` marks the rows to compare, at least one;
+    None means all.
     """
     rows = np.arange(len(front)) if among is None else np.flatnonzero(among)
     for values in (scores, front.shares.sum(axis=1)):
@@ -64,9 +64,9 @@ def first_row(front: FrontData, scores: Values, among: Mask | None = None) -> in
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """Expected result of a move: objectives (n_obj,), in the user's own sign, and their motion.
+    """Expected result of a move along a front: objectives (n_obj,) in the user's own sign, and the motion.
 
-    It is not a point of the front: it has no id and no certificate. ``motion`` is missing if the front has no motions.
+    It is not a point of the front: it has no id and no certificate. It has a ``motion`` if the front has motions.
     """
 
     objectives: Values
@@ -90,7 +90,8 @@ class Comparison:
     """Another point compared with the chosen one.
 
     better_in: objectives in which the other point is the best or, for a neighbour, the nearest better one
-    gains, costs: amounts by which the other point is better and worse, by objective, in natural units; all positive
+    gains: positive amounts by which the other point is better, by objective, in natural units
+    costs: positive amounts by which it is worse
     """
 
     id: int
@@ -102,11 +103,12 @@ class Comparison:
 @represented
 @dataclass(frozen=True, kw_only=True)
 class ExchangeRate:
-    """Cost in ``cost`` of one unit of ``gain`` at the chosen point, the other objectives unchanged.
+    """Loss in objective ``cost`` per unit gained in objective ``gain`` at the chosen point, the others fixed.
 
-    low, high: interval of the rate from the certificate, in units of ``cost`` per unit of ``gain``
-    holds_to, holds_for: id of the last point up to which all rates for ``gain`` predict costs within 10 %, and its gain
-    fails_at: id of the next point, at which the rates no longer hold or which is on another branch
+    low, high: bounds of the rate from the certificate, in units of ``cost`` per unit of ``gain``
+    holds_to: id of the farthest point up to which all rates for ``gain`` predict the losses within 10 %
+    holds_for: gain of that point, else 0
+    fails_at: id of the next point; its losses are off by more than 10 %, or it is on another branch
 
     Ids are None if there is no such point or rates are missing.
     """
@@ -126,12 +128,14 @@ class Choice:
 
     id, index: id and row of the point
     objectives, motion: its values and its motion
-    reason: why it was chosen, made from the other fields
-    verdict, preference: sentence of the preference, and the preference itself
-    score, details: number that the preference minimises (None without one), and its other results by name
+    reason: sentences on why it was chosen, made from the other fields
+    verdict: first of these sentences, from the preference
+    preference: preference that chose the point
+    score: number that the preference minimises, or None
+    details: other results of the preference, by name
     shares: distance of each objective from the best value of its stored range, as a share of this range
-    ends: comparisons with the best points of single objectives
-    neighbours: comparisons with the nearest point (in shares) that is better in each objective
+    ends: comparisons with the best point of each objective
+    neighbours: for each objective, comparison with the nearest point (in shares) that is better in it
     rates: certified exchange rates
     jumps: pairs of ids, one of them this point's, between which the front jumps to another branch
     """
@@ -159,11 +163,11 @@ class Choice:
 
 @runtime_checkable
 class Preference(Protocol):
-    """A preference: it chooses one point of a front with at least one point.
+    """A rule that chooses one point of a front; the front is never empty.
 
     ``choose`` returns ``front.choice(row, verdict)``: the row of the point, and a sentence that says why. The front
-    adds its gains and costs compared with other points. Measure on ``front.shares``, which use the stored ranges, so
-    that more points do not move the choice; in ``front.minimised`` less is better for every objective.
+    adds the point's gains and costs compared with other points. Use ``front.shares``: they refer to the stored ranges,
+    so that further points do not move the choice. In ``front.minimised`` less is better for every objective.
 
     >>> import numpy as np, paretoik as pk
     >>> class Median:
@@ -181,7 +185,7 @@ class Preference(Protocol):
 
 
 def check_preference(name: str, value: object) -> None:
-    """Raise InvalidInput, with ``name``, unless a value has a method ``choose``.
+    """Raise InvalidInput unless a value has a method ``choose``.
 
     Classes and arrays are refused too.
     """
@@ -189,7 +193,7 @@ def check_preference(name: str, value: object) -> None:
         raise InvalidInput(f"{name}: must be a preference, such as Weights(...), got {shown(value)}")
 
 
-# The explanation of a point: ends of the front, neighbours, exchange rates and their reach.
+# The explanation of a point: ends of the front, neighbours, exchange rates and how far they hold.
 
 
 def explain(
@@ -229,17 +233,17 @@ def explain(
 
 
 def explain_named(front: FrontData, row: int) -> Choice:
-    """Return the point of a row, named by its id, as a choice.
+    """Return the point of a row as a choice by its id.
 
     If a move along the front led to the point, the verdict is the reason of that move.
     """
     id = int(front.ids[row])
     moves = [move for move in front.provenance.get(NAVIGATIONS, ()) if move["to"] == id]
-    return explain(front, row, str(moves[-1]["reason"]) if moves else f"Point {id} was named.")
+    return explain(front, row, str(moves[-1]["reason"]) if moves else f"Point {id} was picked by its id.")
 
 
 def compare_better(front: FrontData, row: int, *, nearest: bool) -> tuple[Comparison, ...]:
-    """Return comparisons with the best, or the nearest better, point in each objective, in shares.
+    """Return comparisons with the best point in each objective, or with the ``nearest`` better one (in shares).
 
     Objectives in which the point of ``row`` is itself the best are left out.
     """
@@ -265,7 +269,7 @@ def compare(front: FrontData, row: int, other: int, better_in: Sequence[str] = (
 
 
 def exchange_rates(front: FrontData, row: int) -> tuple[ExchangeRate, ...]:
-    """Return certified exchange rates of a row and their reach; none without certificates."""
+    """Return the certified exchange rates at a point, and how far they hold; none without certificates."""
     if front.certificates is None:
         return ()
     rates = np.sort(np.abs(front.certificates.exchange_intervals[row]), axis=-1)
@@ -273,12 +277,12 @@ def exchange_rates(front: FrontData, row: int) -> tuple[ExchangeRate, ...]:
     on_branch = np.searchsorted(jumps, np.arange(len(front))) == np.searchsorted(jumps, row)
     shares, result = front.shares, list[ExchangeRate]()
     for i, gain in enumerate(front.names):
-        # Points that gain are checked in order of distance (in shares), until rates do not hold or the front jumps.
+        # Points that gain are checked, the nearest first (in shares), until rates do not hold or the front jumps.
         better = np.flatnonzero(shares[row, i] - shares[:, i] > OPTIONS.rounding)
         distance = np.linalg.norm(shares[better] - shares[row], axis=1)
         rows = better[np.lexsort((front.ids[better], distance))]
-        # Rates hold for a point if they predict its cost in each other objective j: Σ_k r_kj g_k, with the gains g_k
-        # of all other objectives, the tangent plane of the front.
+        # Rates hold for a point if they predict its cost in each other objective j as Σ_k r_kj g_k, by the tangent
+        # plane of the front; g_k: gains in all objectives but j.
         gains, holds = front.minimised[row] - front.minimised, on_branch.copy()
         for j in (j for j in range(len(front.names)) if j != i):
             others = np.delete(np.arange(len(front.names)), j)
@@ -317,7 +321,7 @@ def percent(share: float) -> str:
 
 
 def with_unit(front: FrontData, name: str, text: str) -> str:
-    """Return ``text``, which ends with a value, followed by the objective's unit, if any."""
+    """Return ``text``, which ends with a value, and the objective's unit, if any."""
     return f"{text} {front.units[front.names.index(name)]}".rstrip()
 
 
@@ -337,7 +341,7 @@ def list_words(words: Sequence[str], conjunction: str = "and") -> str:
 
 
 def amounts_in_words(front: FrontData, amounts: Mapping[str, float], *, better: bool, shares: bool = False) -> str:
-    """Return amounts in words, such as "0.3 J more energy"; ``better`` says whether the point gains by them."""
+    """Return amounts in words, such as "0.3 J more energy"; ``better``: whether they are gains."""
     words = []
     for name, amount in amounts.items():
         axis = front.names.index(name)
@@ -381,7 +385,7 @@ def _trade_offs(front: FrontData, choice: Choice) -> Iterator[str]:
 
 
 def _rates(front: FrontData, choice: Choice) -> Iterator[str]:
-    """Yield sentences on exchange rates, or one on why there are none."""
+    """Yield sentences on exchange rates, or on why there are none."""
     certificates, row = front.certificates, choice.index
     if certificates is not None and not choice.rates:
         cause = str(certificates.reason[row])
@@ -392,7 +396,7 @@ def _rates(front: FrontData, choice: Choice) -> Iterator[str]:
         yield f"No exchange rate is certified here{': ' * bool(cause)}{cause}."
     gained = {name for neighbour in choice.neighbours for name in neighbour.better_in}
     for gain, group in groupby(choice.rates, key=lambda rate: rate.gain):
-        if gain not in gained:  # no point is better in this objective
+        if gain not in gained:  # the point is the best in this objective
             continue
         axis, rates = front.names.index(gain), list(group)
         if len(front.names) > OPTIONS.described:  # the cheapest, in shares of the ranges
@@ -404,7 +408,7 @@ def _rates(front: FrontData, choice: Choice) -> Iterator[str]:
             value = f"{rate.low:.3g}" if is_one else f"{rate.low:.3g} to {rate.high:.3g}"
             costs.append(f"{with_unit(front, rate.cost, value)} of {rate.cost}")
         verb, unit = ("gaining" if front.maximised[axis] else "saving"), front.units[axis] or "unit"
-        text = f"By its certificate {verb} {gain} costs {list_words(costs, 'or')} per {unit}"
+        text = f"By its certificate, {verb} {gain} costs {list_words(costs, 'or')} per {unit}"
         text += ", the others unchanged" * (len(front.names) > 2)
         reach = rates[0]
         if reach.holds_to is not None:

@@ -1,8 +1,8 @@
 """The choices kept in a run folder: `choices.json`, a tree in which every choice knows its parent.
 
-The file is strict JSON with a format and a SHA-256 digest, like `run.json`; every choice rewrites it. ``entries`` are
-in the order of their ids, from 1 on; ``current`` is the id of the present choice, null if all were undone. Going back
-deletes nothing: the next choice becomes another branch.
+The file is strict JSON with a format version and a SHA-256 digest, like `run.json`; every choice rewrites it.
+``entries`` are in the order of their ids, from 1 on; ``current`` is the id of the present choice, null if all were
+undone. Going back deletes nothing: the next choice becomes another branch.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from paretoik.file_paths import missing_file
 from paretoik.front.choice import Choice, Preference, explain_named
 from paretoik.front.points import FrontData, row_of
 from paretoik.front.storage import stored_points
+from paretoik.inputs import shown
 from paretoik.runs.file_replacement import only_writer, replace_file
 from paretoik.runs.files import CHOICES, RUN, check_digest, read_run, run_bytes, to_json
 from paretoik.tables import fit_screen, represented
@@ -39,11 +40,14 @@ ENTRY_TYPES = {
 class KeptChoice:
     """One kept choice.
 
-    id, parent: ids of the choice and of the one before it (None for a first choice)
-    point, objectives: id of the chosen point, and its values by name
-    preference, reason: type and parameters of the preference as data, and the reason in words
+    id: id of the choice, from 1 on
+    parent: id of the choice before it, None for a first one
+    point: id of the chosen point
+    objectives: values of the point, by name
+    preference: type, text and parameters of the preference
+    reason: why the point was chosen, in words
     time: time in UTC (ISO 8601)
-    former: run and choice after which a closed loop followed its path again, else None
+    former: run and choice from which a closed loop was run again with another preference, else None
     """
 
     id: int
@@ -58,7 +62,7 @@ class KeptChoice:
 
 @dataclass(frozen=True, kw_only=True)
 class Choices:
-    """The choices kept in a run folder, in order, and the id of the ``current`` one."""
+    """The choices kept in a run folder, by id, and the id of the ``current`` one."""
 
     entries: tuple[KeptChoice, ...] = ()
     current: int | None = None
@@ -77,7 +81,7 @@ class Choices:
 
     @property
     def text(self) -> str:
-        """The whole tree, one line per choice, with the present one marked; only branches are indented."""
+        """The whole tree, one line per choice; the present one is marked, branches are indented."""
         children: dict[int | None, list[KeptChoice]] = {}
         for entry in self.entries:
             children.setdefault(entry.parent, []).append(entry)
@@ -97,7 +101,7 @@ class Choices:
 def read_choices(folder: Path) -> Choices:
     """Return the choices kept in a run folder; none if there is no such file.
 
-    Raises InvalidRun, in one line, if the file is damaged, a link, or of another version.
+    Raises InvalidRun if the file is damaged, a link, or of another version.
     """
     file = folder / CHOICES
     if not file.is_symlink() and not file.exists():
@@ -138,7 +142,8 @@ def keep_choice(
             except InvalidRun as fault:
                 raise InvalidInput(str(fault)) from fault
             if values is None or list(values) != choice.objectives.tolist():
-                raise InvalidInput(f"{folder} must be the run with point {choice.id} of this front, got another")
+                fact = "no such point" if values is None else f"objectives {shown(list(values))}"
+                raise InvalidInput(f"{folder} must have point {choice.id} with this front's objectives, got {fact}")
             choices = read_choices(folder)
             entry = KeptChoice(
                 id=len(choices) + 1,
@@ -160,7 +165,7 @@ def keep_choice(
 
 
 def go_back(folder: Path, *, front: FrontData | None = None) -> Choices:
-    """Make the parent of the present choice the present choice.
+    """Go back to the parent of the present choice, and return the choices.
 
     Raises InvalidInput if there is no choice, or if a given ``front`` does not have the parent's point.
     """
@@ -181,7 +186,7 @@ def kept_choices(front: FrontData) -> Choices:
 
 
 def chosen(front: FrontData) -> Choice | None:
-    """Return the present choice of the front's run folder with its stored reason, or None.
+    """Return the present choice in the front's run folder with its stored reason, or None.
 
     Raises InvalidInput if the front does not have the choice's point.
     """
@@ -190,10 +195,10 @@ def chosen(front: FrontData) -> Choice | None:
 
 
 def present_point(choices: Choices, *, name: str) -> int:
-    """Return the id of the present choice's point; raises InvalidInput, with ``name``, without a choice."""
+    """Return the id of the present choice's point; raises InvalidInput if there is no choice."""
     if choices.chosen is None:
         raise InvalidInput(
-            f"{name}: must be the id of a point unless a choice is kept (paretoik select RUN, front.select), "
+            f"{name}: the id of a point must be given unless a choice is kept (paretoik select RUN, front.select), "
             "got neither"
         )
     return choices.chosen.point
@@ -202,10 +207,9 @@ def present_point(choices: Choices, *, name: str) -> int:
 def pick_point(
     front: FrontData, point: Choice | int | None, *, name: str, otherwise: Callable[[FrontData], Choice] | None = None
 ) -> Choice:
-    """Return a point of a front: the named one, or else the present choice, or the only point.
+    """Return the given point of a front, else the present choice, else ``otherwise(front)``, else the only point.
 
-    If there is no such point, ``otherwise`` is called. Raises InvalidInput, with ``name``, for points that the front
-    does not have, or if there is no point to pick.
+    Raises InvalidInput if the front does not have the given point, or if none of these exists.
     """
     if point is not None:
         return explain_named(front, row_of(front, getattr(point, "id", point), name=name))
@@ -216,13 +220,13 @@ def pick_point(
 
 
 def present_id(front: FrontData, *, name: str) -> int:
-    """Return the id of the present choice or of the only point; else raise InvalidInput, with ``name``."""
+    """Return the id of the present choice's point, else of the only point; raises InvalidInput without both."""
     choices = kept_choices(front)
     return int(front.ids[0]) if choices.chosen is None and len(front) == 1 else present_point(choices, name=name)
 
 
 def preference_data(preference: Preference) -> dict[str, Any]:
-    """Return a preference as data: type, text and, if paretoik's own, its parameters."""
+    """Return a preference's type and text, and its parameters if it is one of paretoik."""
     kind = type(preference)
     data = {"type": kind.__name__, "text": repr(preference)[:300]}  # a user's preference may have a text of any length
     if not kind.__module__.startswith("paretoik."):
@@ -240,7 +244,7 @@ def _write(folder: Path, choices: Choices) -> None:
 
 @contextmanager
 def _run_locked(folder: Path) -> Iterator[None]:
-    """Lock a run folder against other writers; raises InvalidInput for other folders."""
+    """Lock a run folder against other writers; raises InvalidInput if it contains no run."""
     if not (folder / RUN).is_file():
         raise InvalidInput(f"{folder / RUN} must be a run, got {missing_file(folder / RUN)}")
     with only_writer(folder):

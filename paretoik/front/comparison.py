@@ -21,7 +21,7 @@ from paretoik.tables import columns, html_table, html_text
 
 
 def _joined(name: str, fronts: Sequence[Front], rows: Sequence[Int[np.ndarray, " _"]]) -> Any:
-    """Return one part of all fronts, concatenated; None if missing or inconsistent."""
+    """Return one part of all fronts, concatenated; None if a front has none or the parts are inconsistent."""
     parts = [getattr(front, name) for front in fronts]
     if any(part is None for part in parts):
         return None
@@ -42,7 +42,8 @@ def _joined(name: str, fronts: Sequence[Front], rows: Sequence[Int[np.ndarray, "
 # The comparison of fronts and its numbers.
 
 
-COMPARED = ("problem", "fingerprint", "settings", "versions", "computed", "status")  # counts and seconds always differ
+# entries whose differences are reported; counts and seconds always differ
+COMPARED = ("problem", "fingerprint", "settings", "versions", "computed", "status")
 KEPT = ("problem", "fingerprint", "versions")  # entries that the merged front takes from the first front
 Pairs = Float[np.ndarray, "fronts fronts"]
 ATTAINABLE = (2, 3)  # numbers of objectives for which surfaces are computed
@@ -65,11 +66,11 @@ def flatten(entries: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Comparison:
-    """Fronts with the same objectives, measured alike; fronts with the same label are runs of one method.
+    """Comparison of fronts with the same objectives; fronts with the same label are runs of one method.
 
-    All objectives are minimised and given as shares of the ranges of the merged front, which has the points that no
-    point of any front dominates: 0 is its best value, 1 its worst. Raises InvalidInput for fewer than two fronts, an
-    empty one, labels that do not match, and names, units or senses other than those of the first.
+    The merged front has the points that no point of any front dominates. All objectives are minimised and given as
+    shares of its ranges: 0 is its best value, 1 its worst. Raises InvalidInput for fewer than two fronts, an empty one,
+    a wrong number of labels, and objectives with other names, units or directions than those of the first front.
     """
 
     fronts: tuple[Front, ...]
@@ -88,7 +89,7 @@ class Comparison:
                 expected, actual = (", ".join(str(each) or "none" for each in getattr(f, name)) for f in (first, front))
                 if getattr(first, name) != getattr(front, name):
                     raise InvalidInput(
-                        f"compare: {name} of objectives must be the same in all fronts, got {expected} in "
+                        f"compare: {name} must be the same in all fronts, got {expected} in "
                         f"{first_label} and {actual} in {label}"
                     )
 
@@ -152,7 +153,7 @@ class Comparison:
 
     @cached_property
     def epsilon(self) -> Pairs:
-        """Additive epsilon [i, j]: least improvement of front i with which it weakly dominates front j.
+        """Additive epsilon [i, j]: least amount by which front i must improve to weakly dominate front j.
 
         It is in shares of the ranges, and at most 0 if front i already weakly dominates front j. Zitzler et al. (2003).
         """
@@ -182,15 +183,15 @@ class Comparison:
         Among equal points only the first front's is kept. Ids count from 0, front by front; ``provenance["merged"]``
         has the label and the folder of every front (``fronts``), and for every point its id, the index of its front,
         and its id in that front (``origins``). Genes, motions, violations and certificates are kept if all fronts with
-        merged points have them in sizes that agree; ``left_out`` names the others.
+        merged points have them in consistent sizes; ``left_out`` names the others.
 
-        Raises InvalidInput if fronts are of different problems or of closed loops.
+        Raises InvalidInput if the fronts are of different problems or of a closed loop.
         """
         for front, label in zip(self.fronts, self.labels, strict=True):
             if front.provenance.get("timeline") == "step":
-                raise InvalidInput(f"merge: fronts must not be of a closed loop, got its one motion in {label}")
+                raise InvalidInput(f"merge: fronts must not be of a closed loop, got one in {label}")
             if front.provenance.get("fingerprint") != self.fronts[0].provenance.get("fingerprint"):
-                raise InvalidInput(f"merge: fronts must be of one problem, got others in {self.labels[0]} and {label}")
+                raise InvalidInput(f"merge: fronts must be of one problem, got two: {self.labels[0]}, {label}")
         merged = [each for each in zip(self.fronts, self.merged_rows, strict=True) if len(each[1])]
         fronts, rows = [front for front, _ in merged], [part for _, part in merged]
         points = [
@@ -228,7 +229,7 @@ class Comparison:
 
     @property
     def origins(self) -> dict[int, tuple[int, int]]:
-        """Index of the source front, from 0, and id there, by merged id."""
+        """For each merged id, the index of its front, from 0, and its id there."""
         return {number: (place, old) for number, place, old in self.merged.provenance["merged"]["origins"]}
 
     @property
@@ -255,7 +256,7 @@ class Comparison:
 
         n_obj = len(self.fronts[0].names)
         if n_obj not in ATTAINABLE:
-            raise InvalidInput(f"attainment: objectives must be two or three, got {n_obj}")
+            raise InvalidInput(f"attainment: there must be two or three objectives, got {n_obj}")
         if not 0 < share <= 1:
             raise InvalidInput(f"attainment: share must be above 0 and at most 1, got {share}")
         values = [self.fronts[run].minimised for run in self._runs(label)]
@@ -269,7 +270,7 @@ class Comparison:
         return {name: self.attainment(share, label) for name, share in shares.items()}
 
     def __str__(self) -> str:
-        """Return the normalisation, and aligned tables, for a terminal."""
+        """Return the normalisation and aligned tables, for a terminal."""
         tables = [(f"{title}\n" if title else "") + columns(rows) for title, rows in _tables(self)]
         return "\n\n".join([_normalisation(self), *tables])
 
@@ -281,7 +282,7 @@ class Comparison:
         return f"Comparison of {len(self.fronts)} fronts, hypervolume {volumes} of the merged front's"
 
     def _repr_html_(self) -> str:
-        """Return normalisation and tables as HTML without scripts, for a notebook."""
+        """Return the normalisation and the tables as HTML without scripts, for a notebook."""
         tables = "".join(html_table(rows, caption=title) for title, rows in _tables(self))
         return f"<div>{html_text(_normalisation(self))}{tables}</div>"
 
@@ -302,13 +303,13 @@ class Comparison:
 
 COVERAGE = "coverage: the share of a column's points that some point of the row weakly dominates"
 EPSILON = "additive epsilon: by how much the row must improve to weakly dominate the column, in shares of the ranges"
-DIFFERENT = "what differs in how they were made"
+DIFFERENT = "settings that differ"
 
 
 def comparison_entries(comparison: Comparison) -> dict[str, Any]:
     """Return the comparison as data that can be written as JSON."""
     front, attainment = comparison.fronts[0], None
-    if len(front.names) in ATTAINABLE:  # surfaces of all runs, and of each label with several
+    if len(front.names) in ATTAINABLE:  # surfaces of all runs, and of each label with several runs
         labels = {label: comparison.surfaces(label) for label in comparison.runs}
         attainment = {"all": comparison.surfaces(), "labels": labels}
     return {
@@ -337,7 +338,7 @@ def _normalisation(comparison: Comparison) -> str:
     )
     return (
         f"Shares are of the ranges of the merged front, best to worst: {ranges}.\n"
-        "Hypervolume is that up to 1.1 of each range, over that of the merged front."
+        "Hypervolumes have their reference point at 1.1 of each range, and are divided by the merged front's."
     )
 
 
@@ -364,7 +365,7 @@ def _tables(comparison: Comparison) -> list[tuple[str, list[list[str]]]]:
             volumes = comparison.hypervolume[places]
             numbers = (np.median(volumes), volumes.min(), volumes.max())
             rows.append([label, str(len(places)), *(f"{number:.4f}" for number in numbers)])
-        tables.append(("runs with one label", rows))
+        tables.append(("runs per label", rows))
     if comparison.differences:
         tables.append((DIFFERENT, [["", *names], *([name, *each] for name, each in comparison.differences.items())]))
     return tables

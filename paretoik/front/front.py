@@ -56,22 +56,22 @@ def view(
     """Return the front as a ``FrontView``, which a notebook shows as the Rerun viewer.
 
     ``selected`` has the ids of the points that were selected last, in any of its pictures. ``choice`` is the point
-    whose motion the arm shows: the first selected one; at first the present choice, or else the compromise.
+    whose motion the arm shows: the first selected one; if none is, the present choice, or else the compromise.
     ``show(id)`` shows another one; ``on_select(callback)`` sets a function that gets the ids of every selection.
 
     On a certified front there are ``sliders``, one per objective, to move along the front. While one is dragged towards
     its better end, the point that ``predict`` expects is drawn in grey. On release, the point that ``navigate`` reaches
-    is selected. ``view.front`` has all points that were reached.
+    is selected. ``view.front`` is the front with all points that were reached.
 
-    The view needs the extra ``notebook`` (``pip install "paretoik[notebook]"``). This process serves the viewer to the
-    same machine; if the browser runs on another one, ``RERUN_NOTEBOOK_ASSET=inline`` in the environment sends it along.
+    The view needs the extra ``notebook`` (``pip install "paretoik[notebook]"``). This process serves the viewer to
+    browsers on its own machine; for others set ``RERUN_NOTEBOOK_ASSET=inline`` in the environment.
 
     Parameters
     ----------
     on_select
         Function that is called with the ids of every selection; may be None.
     width, height
-        Sizes in pixels; "auto" is the cell's width, and 9/16 of that.
+        Sizes in pixels; "auto" is the width of the notebook's cell, and 9/16 of it as the height.
 
     Raises
     ------
@@ -105,8 +105,8 @@ def select(front: Front, preference: Preference | str | Mapping[str, float] | in
 
     preference: one of ``paretoik`` or your own (``Preference``); "knee" and "compromise" stand for ``Knee()`` and
         ``Compromise()``, numbers by objective for ``Weights``, an integer for the point with that id
-    keep: whether a front with a run ``folder`` keeps the choice there, in choices.json (``choices``), and its
-        recording, review.rrd, opens on it; a new motion of a closed loop is never kept
+    keep: whether the choice is kept in the run ``folder``, if there is one: in choices.json (``choices``), and as the
+        point on which its recording, review.rrd, opens; a new motion of a closed loop is never kept
 
     A recording that cannot be replaced stays as it is, with a warning; the choice is kept.
     Raises Infeasible if the front is empty or no point suits, and InvalidInput for other preferences.
@@ -140,25 +140,26 @@ def undo(front: Front) -> Choice | None:
 class Front(FrontData):
     """Mutually non-dominated points, sorted by the first objective.
 
-    Points may be given in any order; they are checked, sorted, copied and made read-only. An empty front is a result
-    too: no feasible point.
+    Points may be given in any order; they are checked, sorted, copied and made read-only. An empty front is valid: no
+    point was feasible.
 
     ids: unique numbers (points,) that are never reused
     objectives: values (points, n_obj) in the user's own sign
-    names, units, maximised: one per objective
-    genes, motions: array (points, genes) and batch of motions; both may be missing
-    violation: largest violation (points,) as a share of its limit's range
-    certificates: certificates of refined points
-    ranges: lower and upper values (n_obj, 2) that preferences measure against, by default those of the front itself
+    names, units, maximised: lists with one item per objective
+    genes: array (points, genes), or None
+    motions: batch of motions, or None
+    violation: largest violation (points,) as a share of its limit's range, or None
+    certificates: certificates of refined points, or None
+    ranges: lowest and highest values (n_obj, 2) that define shares for preferences, by default the front's own
     provenance: description of the run (problem, settings, seed, status), stored in ``run.json``
     problem: the problem itself, not stored
-    folder: run folder of the last load or save, in which ``select`` keeps its choices, else None
+    folder: run folder of the last load or save, in which ``select`` keeps choices; None without one
 
     ``len(front)`` is the number of points, ``front[12]`` the point with that id as a ``Choice``, ``front[[12, 30]]`` a
     front of two points. ``12 in front`` says whether that id exists. Iterating yields every point as a ``Choice``.
 
-    Raises InvalidInput for shapes that do not agree, values that are not finite, repeated ids or names, names unfit for
-    a table, and a point that another one dominates.
+    Raises InvalidInput for inconsistent shapes, values that are not finite, repeated ids or names, names unfit for a
+    table, and dominated points.
     """
 
     def __repr__(self) -> str:
@@ -204,7 +205,7 @@ class Front(FrontData):
         return (explain_named(self, row) for row in range(len(self)))
 
     def where(self, bounds: Mapping[str, Bound] | None = None, /, **named: Bound) -> Front:
-        """Return the front of the points within bounds, ``front.where(kinetic_energy=(None, 0.05))``.
+        """Return the front of the points within bounds, as in ``front.where(kinetic_energy=(None, 0.05))``.
 
         A bound is (lower, upper) in the objective's own units and sign, with None for an open side. Names that are not
         identifiers need a mapping. Ranges, ids, motions, genes and certificates are kept. The front may be empty.
@@ -224,7 +225,7 @@ class Front(FrontData):
 
     @property
     def choices(self) -> Choices:
-        """The tree of choices kept in the front's run folder; no choices without a folder.
+        """The tree of choices kept in the front's run folder; empty without a folder.
 
         Raises InvalidRun if the file is damaged.
         """
@@ -243,7 +244,7 @@ class Front(FrontData):
 
         Raises InvalidInput if the front has no such row.
         """
-        self._check_index("index", index, len(self), "a row")
+        self._check_index("index", index, len(self), "a row's number")
         if preference is not None:
             check_preference("preference", preference)
         if details is not None:
@@ -251,13 +252,13 @@ class Front(FrontData):
         return explain(self, int(index), verdict, preference=preference, score=score, details=details)
 
     def quantity(self, axis: int, value: float) -> str:
-        """Return a value of an objective with its name and unit; raises InvalidInput for other values or axes."""
-        self._check_index("axis", axis, len(self.names), "an objective")
+        """Return a value of an objective with name and unit; raises InvalidInput for an invalid value or axis."""
+        self._check_index("axis", axis, len(self.names), "an objective's number")
         return named_quantity(self, axis, real_number("value", value))
 
     def _check_index(self, name: str, index: object, count: int, wish: str) -> None:
         if not is_integer(index) or not 0 <= int(index) < count:
-            raise InvalidInput(f"{name} must be {wish} of {count}, from 0 on, got {shown(index)}")
+            raise InvalidInput(f"{name} must be {wish}, >= 0 and < {count}, got {shown(index)}")
 
     def save(self, folder: Path | str, *, overwrite: bool = False) -> None:
         """Write `run.json`, `front.parquet` and, with genes or motions, `motions.npz` into `folder`.
@@ -270,7 +271,7 @@ class Front(FrontData):
 
     @staticmethod
     def load(folder: Path | str, *, motions: MotionBuilder | None = None) -> Front:
-        """Return a saved front; `motions` builds motions from stored times, joint positions and joint names.
+        """Return a saved front; `motions` builds its motions from stored times, joint positions and joint names.
 
         Raises InvalidRun if a file is missing, damaged, a link, of another version, or of another run.
         """

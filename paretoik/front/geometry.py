@@ -19,10 +19,10 @@ def tangents_meet(
 ) -> Float[np.ndarray, " 2"] | None:
     """Return the point at which the tangents of two neighbours meet, or None.
 
-    None means that they do not meet between the two in both objectives, or that weights are unknown. A tangent is
-    perpendicular to the weights. On a smooth piece of a front, convex or not, tangents meet between neighbours that are
-    close enough; across a jump they contradict each other. Unknown weights are NaN. If tangents meet outside by at most
-    a millionth of the distance, the point is moved inside.
+    A tangent is perpendicular to the weights, NaN if unknown. Returns None if weights are unknown, or if the tangents
+    do not meet between the two points in both objectives. On a smooth piece of a front, convex or not, they do if
+    neighbours are close enough; across a jump the tangents contradict each other. If they meet outside by at most a
+    millionth of the distance, the point is moved inside.
     """
     margin = 1e-6
     width = right - left
@@ -39,8 +39,8 @@ def tangents_meet(
 def curve_area(values: Float[np.ndarray, "2 2"], meeting: Float[np.ndarray, " 2"] | None) -> float:
     """Return the hypervolume that the front between two neighbours adds to them.
 
-    The front is approximated by the parabola that touches both tangents, which meet at ``meeting``, or by the chord
-    without ``meeting``.
+    The front is approximated by the parabola that touches both tangents, which meet at ``meeting``; if that is unknown
+    (None), by the chord.
     """
     left, right = values
     width = right - left
@@ -51,14 +51,14 @@ def curve_area(values: Float[np.ndarray, "2 2"], meeting: Float[np.ndarray, " 2"
 
 @dataclass(frozen=True, kw_only=True)
 class PreferenceOptions:
-    """Settings of preferences; shares are of the ranges.
+    """Settings of preferences; scores and distances are in shares of the ranges.
 
     rounding: largest difference of scores that count as equal; other units and offsets change scores by less
     augmentation: weight of the sum of all shares relative to the worst one (Miettinen 1999, section 3.4.5)
-    hull: distance above straight lines between other points up to which weights reach a point
+    hull: largest distance above the convex hull at which a point counts as on it
     prediction: largest relative error of a prediction for which exchange rates hold
     described: largest number of objectives for which every comparison has a sentence
-    neighbours: number of nearest points from which the search for mixtures that beat a point starts
+    neighbours: number of nearest points in the first convex combinations that are compared with a point
     """
 
     rounding: float = 1e-9
@@ -83,7 +83,7 @@ def lower_hull(values: Float[np.ndarray, "points 2"]) -> list[int]:
     """
     hull, points = list[int](), values.tolist()
     for row, (x, y) in enumerate(points):
-        if hull and x == points[hull[-1]][0]:  # no better than the one before
+        if hull and x == points[hull[-1]][0]:  # no better than the last point of the hull
             continue
         while len(hull) > 1:
             (ax, ay), (bx, by) = points[hull[-2]], points[hull[-1]]
@@ -108,11 +108,11 @@ def supported(shares: Objectives) -> Mask:
 
 
 def unmatched_by_mixtures(shares: Objectives) -> Mask:
-    """Mark points (points, n_obj) that no mixture of points beats, by least-squares problems.
+    """Mark the points that no convex combination of points beats by δ, by nonnegative least squares.
 
-    A mixture beats p if λ, s >= 0 exist with Σλ = 1 and Σ λ_q Z_q + s = Z_p − δ. The least residual of a point on the
-    hull is at least δ/√n_obj. Mixtures begin with the points near p and the best of every objective. While the
-    residual r separates p from these but not from all points, the point farthest along r joins (column generation).
+    A combination beats p if λ, s >= 0 exist with Σλ = 1 and Σ λ_q Z_q + s = Z_p − δ. For p on the hull the residual is
+    at least δ/√n_obj. The first combinations are of the points near p and each objective's best. While the residual r
+    separates p from these but not from all points, the point farthest along r is added (column generation).
     """
     from scipy.optimize import nnls  # imported here, because it is slow
     from scipy.spatial import KDTree
@@ -146,8 +146,8 @@ def unmatched_by_mixtures(shares: Objectives) -> Mask:
 class JumpOptions:
     """Options for finding jumps.
 
-    places: number of evenly spaced places to check between two neighbours
-    height: least height of a barrier, as a share of the front's extent; solvers are not more exact
+    places: number of evenly spaced places that are checked between two neighbours
+    height: least height of a barrier, as a share of the front's ranges; solvers are not more exact
     """
 
     places: int = 7
@@ -160,11 +160,10 @@ JUMPS = JumpOptions()
 def barriers(values: Objectives, inner: Float[np.ndarray, "pairs places 2"]) -> Int[np.ndarray, " jumps"]:
     """Return the rows after which a front jumps.
 
-    ``inner`` are values at places between neighbours. On one branch the optimum moves continuously from one neighbour
-    to the other, and points in between are, to first order, a trade-off between the two: no worse than the worse of
-    them in either objective. Between two branches, or valleys, they are worse. Tangents do not show a jump: if branches
-    cross, tangents are like those of a front that bulges out, and at an inflection of one branch they contradict each
-    other.
+    ``inner`` are objectives at places between neighbours. On one branch the optimum moves continuously from one
+    neighbour to the other: to first order, no point in between is worse than both in an objective. Between two
+    branches, in different valleys, some are. Tangents do not show a jump: if branches cross, they are like those of a
+    concave front, and at an inflection of one branch they contradict each other.
     """
     corners = np.maximum(values[:-1], values[1:]) + JUMPS.height * np.ptp(values, axis=0)
     return np.flatnonzero((inner > corners[:, None]).any(axis=(1, 2)))
@@ -173,7 +172,7 @@ def barriers(values: Objectives, inner: Float[np.ndarray, "pairs places 2"]) -> 
 def missing_hypervolume(values: Objectives, normals: Float[np.ndarray, "points 2"]) -> float:
     """Return the estimated share of the hypervolume that the points miss.
 
-    There must be at least two points; ``normals`` are the normals of their front, NaN if unknown.
+    There must be at least two points; ``normals`` are perpendicular to their front, NaN if unknown.
     """
     order = np.argsort(values[:, 0], kind="stable")
     values, normals = values[order], normals[order]

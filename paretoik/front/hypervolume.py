@@ -19,10 +19,10 @@ from paretoik.errors import InvalidInput
 class IndicatorOptions:
     """Options of indicators.
 
-    exact_up_to: largest number of objectives for which hypervolumes are exact: with 1,000 points these take 0.5 s in
-        five objectives and more than 20 s in seven, estimates milliseconds
-    directions: number of directions of an estimate, for more objectives
-    rounding: share of an objective's size below which a range counts as none; solvers are not more exact
+    exact_up_to: largest number of objectives for which hypervolumes are exact. With 1,000 points an exact one takes
+        0.5 s in five objectives and more than 20 s in seven, an estimate milliseconds.
+    directions: number of directions of an estimate
+    rounding: smallest range, as a share of the objective's size; smaller ones count as 0, as solvers are not more exact
     """
 
     exact_up_to: int = 4
@@ -36,8 +36,8 @@ OPTIONS = IndicatorOptions()
 def hypervolume(F: Objectives, reference: Values | Sequence[float]) -> float:
     """Return the volume that `F` dominates and `reference` bounds, in the product of the objectives' units.
 
-    Points that are not below the reference in every objective add nothing; neither do rows that are not finite. Raises
-    InvalidInput if the reference is no vector of `n_obj` finite numbers.
+    Rows that are not finite, or not below the reference in every objective, add nothing. Raises InvalidInput unless the
+    reference has `n_obj` finite numbers.
     """
     import moocore
 
@@ -49,9 +49,9 @@ def hypervolume(F: Objectives, reference: Values | Sequence[float]) -> float:
 def estimate_hypervolume(F: Objectives, reference: Values, width: Values) -> float:
     """Return the hypervolume: exact up to four objectives, else within about one percent.
 
-    ``width`` (n_obj,) is about the distance of the points from the reference: in these units directions are spread
-    evenly. For the same reference and width the estimate never falls if points are added or improve. Deterministic;
-    moocore's "Rphi-FWE+". Raises InvalidInput as ``hypervolume`` does.
+    Estimates are deterministic (moocore's "Rphi-FWE+"): directions are spread evenly after division by ``width``
+    (n_obj,), the approximate distance of the points from the reference. For the same reference and width an estimate
+    never falls if points are added or improve. Raises InvalidInput as ``hypervolume`` does.
     """
     if F.shape[1] <= OPTIONS.exact_up_to:
         return hypervolume(F, reference)
@@ -68,8 +68,8 @@ def estimate_hypervolume(F: Objectives, reference: Values, width: Values) -> flo
 def ranges_of(values: Objectives, sizes: Values | None = None) -> Values:
     """Return nadir minus ideal of points, without zeros.
 
-    If a range is only rounding, the objective's size replaces it, or 1 if the objective is always 0. ``sizes`` (n_obj,)
-    are by default the largest absolute values.
+    If a range is within rounding of 0, the objective's size replaces it, or 1 if the size is 0. ``sizes`` (n_obj,) are
+    by default the largest absolute values.
     """
     width = np.ptp(values, axis=0)
     sizes = np.abs(values).max(axis=0) if sizes is None else sizes
@@ -91,7 +91,7 @@ def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
     finite = np.flatnonzero(np.isfinite(F).all(axis=1))
     if not finite.size:
         return mask
-    # With keep_weakly every copy stays, so that the first of them can be chosen.
+    # With keep_weakly all equal rows stay, so that the first of them can be chosen.
     rows = finite[moocore.is_nondominated(F[finite], keep_weakly=True)]
     if tolerance == 0.0:
         mask[rows[np.unique(F[rows], axis=0, return_index=True)[1]]] = True
@@ -109,18 +109,18 @@ def _check_reference(F: Objectives, reference: Values | Sequence[float]) -> Valu
     return limit
 
 
-# The hypervolume of a growing front, up to the corner of the first front, so that it never falls.
+# The hypervolume of a growing front: its reference point is fixed by the first front, so that it never falls.
 
 
 @dataclass(frozen=True, kw_only=True)
 class HypervolumeOptions:
     """Limits on the time for hypervolumes.
 
-    share: largest share of the whole time
+    share: largest share of the elapsed time
     free: time [s] of the last hypervolume up to which the next one is always computed
 
-    With thousands of points hypervolumes cost more than the search: 0.28 s for 18,000 points in four objectives,
-    compared with 0.2 s for the generation.
+    With thousands of points a hypervolume takes longer than a generation of the search: 0.28 s compared with 0.2 s for
+    18,000 points in four objectives.
     """
 
     share: float = 0.01
@@ -141,7 +141,7 @@ class HypervolumeCurve:
         self._value, self._number = 0.0, 0
 
     def corner(self, front: Objectives) -> Values | None:
-        """Return the corner (n_obj,), which the first front fixes; None while all fronts were empty."""
+        """Return the reference point (n_obj,), fixed by the first front that is not empty; None before it."""
         if self._corner is None and len(front):
             worst = front.max(axis=0)
             self._corner = worst + np.maximum(ranges_of(front), 0.1 * np.abs(worst))
@@ -167,6 +167,6 @@ class HypervolumeCurve:
         return self._value
 
     def summary(self, number: int) -> str:
-        """Return the last hypervolume in words, with its generation if earlier."""
+        """Return the last hypervolume in words, with its generation unless that is ``number``."""
         then = "" if self._number == number else f" of generation {self._number}"
         return f"hypervolume {self._value:.4g}{then}"

@@ -14,7 +14,7 @@ import numpy as np
 
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.certificates import WEIGHT_TOLERANCE
-from paretoik.front.choice import Choice, Prediction, explain_named, named_quantity
+from paretoik.front.choice import Choice, Prediction, explain_named, named_quantity, with_unit
 from paretoik.front.choice_tree import present_id
 from paretoik.front.points import NAVIGATIONS, Front, FrontData, check_known, row_of
 from paretoik.inputs import check_size, finite_number, listed, read_list, shown
@@ -25,9 +25,9 @@ class NavigationDefaults:
     """Defaults of moves along a front.
 
     critical: largest criticality of a critical point
-    share: size of a move, as a share of the range
-    smallest_gain: share of the range below which a gain counts as none
-    remaining: largest move, as a share of the way to the best point
+    share: default size of a move, as a share of the range
+    smallest_gain: smallest gain that counts, as a share of the range
+    remaining: largest default size, as a share of the way to the best point
     points: number of new points around a point
     largest_gain: largest gain, as a multiple of the range; larger ones make solvers fail
     """
@@ -45,7 +45,7 @@ DEFAULTS = NavigationDefaults()
 
 @dataclass(frozen=True, kw_only=True)
 class NavigationRequest:
-    """Improve objective ``improve`` of the point in ``row`` by ``by``, in its own unit; ``payers`` may get worse."""
+    """Request to improve an objective of the point in ``row`` by ``by``, in its own unit; ``payers`` may get worse."""
 
     row: int
     improve: int
@@ -65,8 +65,8 @@ def navigate(
 ) -> Front:
     """Return the front with a new certified point that improves an objective, ``front.navigated``.
 
-    The former points stay, with their ids, unless the new one dominates them; the new id was never used. If a point is
-    there already, ``navigated`` is that point and nothing is added.
+    The former points keep their ids; those that the new one dominates are dropped. The new id was never used. If the
+    front already has the point that is reached, ``navigated`` is this point and nothing is added.
 
     Parameters
     ----------
@@ -74,16 +74,16 @@ def navigate(
         The point to move from: a choice, or an id; by default the present choice of the front's run.
     improve
         The objective that gets better: ``by`` an amount, or ``to`` a value, in its own unit. By default by 5 % of its
-        range, or half of what remains to its best value on the front if that is less.
+        range, or by half the way to its best value on the front if that is less.
     allow
-        Names of the objectives that may get worse; the others do not. By default all that are not on ``hold``. Several
+        Names of the objectives that may get worse; the others do not. By default all that are not in ``hold``. Several
         get worse equally, in shares of their ranges.
     hold
         Names of the objectives that do not get worse.
 
     The point is followed along its branch by exact second derivatives while limits become active or inactive. If the
-    branch ends, optima are searched for again from there and from neighbours, and ``front.navigated.reason`` says so.
-    If the front ends first, the reason also says which share of the wish was met.
+    branch ends, optima are searched for from its end and from neighbours, and ``front.navigated.reason`` says so. If
+    the front ends first, the reason says which share of the gain was reached.
 
     Raises
     ------
@@ -108,18 +108,18 @@ def predict(
     by: float | None = None,
     to: float | None = None,
 ) -> Prediction:
-    """Return the expected result of ``navigate`` with the same arguments: no point of the front.
+    """Return the expected result of ``navigate`` with the same arguments; it is not a point of the front.
 
     Derivatives at the point predict its branch, with limits that become active or inactive; nothing is corrected or
-    certified, and there is no id. The objective to improve gains the requested amount, the errors of the others grow
-    with the fourth power of this amount, and limits are nearly satisfied. Jumps are not predicted.
+    certified. The objective to improve gains the requested amount, errors of the others grow with its fourth power, and
+    limits are nearly satisfied. Jumps are not predicted.
 
     Raises
     ------
     InvalidInput
-        As ``navigate`` does, and if optima cannot be followed: past kinks, or if functions relate samples.
+        As ``navigate`` does, and if optima cannot be followed: a function has kinks or relates samples.
     Infeasible
-        If derivatives reach no prediction, such as past the end of the branch.
+        If no prediction is possible, as beyond the end of the branch.
     """
     request = _request(front, "predict", choice, improve, allow, hold, by, to)
     prediction: Prediction = _part(front, "predict")(front, request)
@@ -129,14 +129,14 @@ def predict(
 def refine_around(front: Front, choice: Choice | int | None = None, *, points: int = DEFAULTS.points) -> Front:
     """Return the front with up to ``points`` new certified points around one of its points.
 
-    One objective after the other is improved by even shares of the way to the nearest point that is better in it; all
-    others may get worse. Shares that lead to no new point add none. Raises InvalidInput as ``navigate`` does.
+    Each objective is improved by even shares of the way to the next better value on the front; all others may get
+    worse. A share adds no point if none is found there. Raises InvalidInput as ``navigate`` does.
     """
     check_size("points", points, 1)
     row = _critical_row(front, choice, "refine_around")
     move, id = _part(front, "refine_around", "navigate"), int(front.ids[row])
     values, widths = front.minimised, np.ptp(front.ranges, axis=1)
-    # Points are shared out among the objectives in which some point is better, at even shares of the way there.
+    # Points are distributed among the objectives in which some point is better, at even shares of the way to it.
     axes = [k for k in range(len(front.names)) if (values[:, k] < values[row, k]).any()]
     counts = [len(range(i, points, len(axes))) for i in range(len(axes))]
     for k, share in [(k, (j + 1) / (count + 1)) for k, count in zip(axes, counts, strict=True) for j in range(count)]:
@@ -161,7 +161,7 @@ def navigated(front: FrontData) -> Choice | None:
 
 
 def _part(front: FrontData, verb: str, part: str | None = None) -> Callable[[Any, NavigationRequest], Any]:
-    """Return the method of a front's problem for a verb, by default that of the same name."""
+    """Return the method ``part`` of a front's problem, by default the one named like the verb."""
     if front.problem is None:
         raise InvalidInput(
             f"{verb}: the front must have its problem, got none: use load_front(run, problem), or "
@@ -170,7 +170,7 @@ def _part(front: FrontData, verb: str, part: str | None = None) -> Callable[[Any
     offered: Callable[[Any, NavigationRequest], Any] | None = getattr(front.problem, part or verb, None)
     if offered is None:
         kind = type(front.problem).__name__
-        raise InvalidInput(f"{verb}: the problem must have gradients, such as Tracking, got a front of {kind}")
+        raise InvalidInput(f"{verb}: the problem must have gradients, such as Tracking, got {kind}")
     return offered
 
 
@@ -199,15 +199,15 @@ def _request(
             raise InvalidInput(f"{name} must be objectives other than the one to improve, got {improve}")
     both = [front.names[axis] for axis in payers if axis in fixed]
     if both or not payers:
-        raise InvalidInput(f"allow must be objectives that are not on hold, got {', '.join(both) or 'none'}")
+        raise InvalidInput(f"allow must be objectives that are not in hold, got {', '.join(both) or 'none'}")
     step = _step(front, verb, row, k, by, to)
-    # At an end of the front no payer has weight, and no known point is better.
+    # At an end of the front no payer has a weight, and no known point is better.
     assert front.certificates is not None
     weight = float(front.certificates.weights[row, payers].sum())
     if weight < WEIGHT_TOLERANCE and not (front.minimised[:, k] < front.minimised[row, k]).any():
         raise InvalidInput(
-            f"improve must be an objective that can get better, got point {front.ids[row]}, the end of the front in "
-            f"{improve}"
+            f"improve must be an objective that can get better at point {front.ids[row]}, got {improve}: the point is "
+            "its end of the front"
         )
     return NavigationRequest(row=row, improve=k, by=step, payers=tuple(payers))
 
@@ -234,7 +234,8 @@ def _step(front: FrontData, verb: str, row: int, axis: int, by: float | None, to
             raise InvalidInput(f"to must be better than {named_quantity(front, axis, value)}, got {goal:g}")
     largest = DEFAULTS.largest_gain * width
     if gain > largest > 0.0:
-        raise InvalidInput(f"{label}: the gain must be at most {named_quantity(front, axis, largest)}, got {gain:g}")
+        limit = with_unit(front, name, f"{largest:.4g}")
+        raise InvalidInput(f"{label}: the gain in {name} must be at most {limit}, got {gain:g}")
     return gain
 
 
@@ -243,7 +244,7 @@ def _critical_row(front: FrontData, choice: Choice | int | None, verb: str) -> i
     id = present_id(front, name=verb) if choice is None else getattr(choice, "id", choice)
     row = row_of(front, id, name=verb)
     if front.certificates is None:
-        raise InvalidInput(f"{verb}: the front must have certificates, as from refine(front), got one without")
+        raise InvalidInput(f"{verb}: the front must have certificates, as from refine(front), got none")
     residual = float(front.certificates.criticality[row])
     if not residual <= DEFAULTS.critical:
         critical = front.ids[front.certificates.criticality <= DEFAULTS.critical]

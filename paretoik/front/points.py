@@ -1,6 +1,6 @@
 """Data of a front: checked, sorted, read-only parts, derived values, and subsets."""
 
-# Annotations are not postponed here: a subclass of a dataclass takes the types of the fields as they are written.
+# Annotations are not postponed: a subclass of a dataclass needs the types of the fields, not their text.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -73,7 +73,7 @@ class JointMotions(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class StoredJoints:
-    """Joint names of a stored motion, whose file has no other data of the arm."""
+    """Joint names of stored motions; their file has no other data of the arm."""
 
     joint_names: tuple[str, ...]
 
@@ -97,14 +97,14 @@ class StoredMotions:
 # Provenance of fronts: entries by name.
 
 
-NAVIGATIONS, LARGEST_ID = "navigations", "largest_id"  # entries: moves made; largest id of the whole front
-ADDED_SAMPLES = "samples"  # entry: samples of the user's path, and of the motions if refinement added some
-SOLVERS = "solvers"  # entry: solver that refined points, and number confirmed by a convex program
+NAVIGATIONS, LARGEST_ID = "navigations", "largest_id"  # entries: moves along the front; largest id of the whole front
+ADDED_SAMPLES = "samples"  # entry: numbers of samples of the user's path, and of the motions if refinement added some
+SOLVERS = "solvers"  # entry: solver that refined points, and number of points confirmed by a convex program
 REFINED_BY = {"interior-point": "the interior-point method", "sqp": "SQP (cvxpy, Clarabel)"}
 
 
 def confirmation(solver: str, confirmed: int, points: int) -> dict[str, dict[str, Any]]:
-    """Return the entry on the solver that refined points, and on points confirmed as critical."""
+    """Return the provenance entry on the solver, and on the number of points confirmed as critical."""
     by = {"refinement": solver, "criticality": "cvxpy, Clarabel"}
     return {SOLVERS: {**by, "confirmed": confirmed, "points": points}}
 
@@ -119,7 +119,7 @@ def confirmation_text(provenance: Mapping[str, Any]) -> str:
             lines.append(f"refined by {by}; {confirmed} of {points} points confirmed as critical by {confirmed_by}")
     match provenance.get(ADDED_SAMPLES):
         case {"path": int(given), "used": int(used)}:
-            lines.append(f"on {used} samples: the path's {given} left values more than 0.1 % off those of the curves")
+            lines.append(f"on {used} samples: with the path's {given}, a value was over 0.1 % off its curve's")
     return "\n".join(lines)
 
 
@@ -161,14 +161,14 @@ def check_ids(values: np.ndarray, points: int) -> Ids:
         raise InvalidInput(f"front ids must be {points} integers, got shape {ids.shape}")
     unique, counts = np.unique(ids, return_counts=True)
     if len(unique) != points:
-        raise InvalidInput(f"front ids must be unique, got {unique[counts > 1][0]} {counts.max()} times")
+        raise InvalidInput(f"front ids must be unique, got {unique[counts > 1][0]} more than once")
     if points and ids.min() < 0:
         raise InvalidInput(f"front ids must be integers >= 0, got {ids.min()}")
     return ids
 
 
 def sort_part(name: str, part: Any, order: np.ndarray) -> Any:
-    """Return an optional part of a front in an order; raises InvalidInput unless it fits the points."""
+    """Return an optional part of a front with its rows in ``order``; raises InvalidInput for an invalid part."""
     points = len(order)
     if part is None:
         return None
@@ -182,16 +182,17 @@ def sort_part(name: str, part: Any, order: np.ndarray) -> Any:
         if not isinstance(q, np.ndarray):
             raise InvalidInput(f"front motions must be a batch of motions, got {shown(part)}")
         if q.ndim != 3 or len(part) != points:
-            raise InvalidInput(f"front motions must be a batch of {points}, got joint positions {q.shape}")
+            raise InvalidInput(f"front motions must be a batch of {points} motions, got q of shape {q.shape}")
         return part if (order == np.arange(points)).all() else part[order]
     rows = real_array(f"front {name}", part)
     if rows.ndim != {"genes": 2, "violation": 1}[name] or len(rows) != points or not np.isfinite(rows).all():
-        raise InvalidInput(f"front {name} must be finite numbers for {points} points, got shape {rows.shape}")
+        fault = "" if np.isfinite(rows).all() else " with inf or nan"
+        raise InvalidInput(f"front {name} must be finite, one row for each of {points}, got shape {rows.shape}{fault}")
     return read_only(rows[order])
 
 
 def check_ranges(values: np.ndarray, objectives: Objectives) -> Ranges:
-    """Return the ranges, by default those of the objectives; raises InvalidInput for invalid ones."""
+    """Return the ranges, by default those of the objectives; raises InvalidInput if they are invalid."""
     n_obj = objectives.shape[1]
     ranges = real_array("front ranges", values)
     if ranges.size == 0:
@@ -217,7 +218,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class FrontData:
-    """Data of a front and derived values; ``front.Front`` describes fields and adds methods."""
+    """Data of a front and derived values; ``front.Front`` describes the fields and adds methods."""
 
     ids: Ids
     objectives: Objectives
@@ -271,24 +272,24 @@ class FrontData:
 
     @property
     def minimised(self) -> Objectives:
-        """Objectives (points, n_obj), with maximised ones negated, so that less is always better."""
+        """Objectives (points, n_obj); maximised ones are negated, so that less is always better."""
         minimised: Objectives = np.where(self.maximised, -self.objectives, self.objectives)
         return minimised
 
     @cached_property
     def shares(self) -> Objectives:
-        """Place of each point in the ranges (points, n_obj): 0 is best, 1 worst; 0 on a zero range.
+        """Objectives as shares of the stored ranges (points, n_obj): 0 is best, 1 worst; 0 if a range is zero.
 
-        Marcos et al. (2012), Eq. 19, on the stored ranges.
+        Marcos et al. (2012), Eq. 19.
         """
         return read_only(shares_of(self, self.objectives))
 
     @cached_property
     def supported(self) -> Mask:
-        """Mark the points that have the least weighted sum of shares for some weights.
+        """Mask of the points that have the least weighted sum of shares for some weights.
 
-        The tolerance is a millionth of the ranges. The other points are above the convex hull: a mixture of points is
-        better in every objective, so that for any weights one point of the mixture has a smaller sum.
+        The other points are above the convex hull by more than a millionth of the ranges: for any weights another point
+        has a smaller sum.
         """
         return supported(self.shares)
 
@@ -296,8 +297,8 @@ class FrontData:
     def violation_between(self) -> Values | None:
         """Worst violation of each motion's limits between its samples.
 
-        It is that of the certificates. Without certificates it is measured, or None if the front has no motions or no
-        problem that can measure.
+        It is that of the certificates. Without certificates it is measured; None if the front has no motions, or no
+        problem that can measure it.
         """
         if self.certificates is not None:
             return self.certificates.violation_between
@@ -308,11 +309,11 @@ class FrontData:
     def jumps(self) -> tuple[tuple[int, int], ...] | None:
         """Pairs of neighbours (ids) between which the front jumps to another branch of optima.
 
-        A barrier lies between the two: points interpolated there are worse than both in some objective, or impossible.
-        Navigation from one to the other cannot be continuous there.
+        There is a barrier between the two: points interpolated there are worse than both in some objective, or
+        impossible. A continuous move from one to the other is not possible.
 
-        None unless there are two objectives (with other numbers points have no order), certificates, and the front's
-        own problem, if it can interpolate.
+        None unless the front has two objectives (only then do points have an order), certificates and a problem that
+        can interpolate.
         """
         between = getattr(self.problem, "values_between", None)
         if len(self.names) != 2 or self.certificates is None or between is None:
@@ -326,9 +327,9 @@ class FrontData:
     def missing_hypervolume(self) -> float | None:
         """Estimated share of the hypervolume that further points could still add, 0 to 1.
 
-        The hypervolume ends at the front's worst values. Between neighbours the front is approximated by the parabola
-        that touches the tangents of their exchange rates, or by the chord if these contradict each other or are
-        unknown. None for other than two objectives, without certificates, and for fewer than two points.
+        The reference point has the front's worst values. Between neighbours the front is approximated by the parabola
+        that touches the tangents from their exchange rates, or by the chord if these contradict each other or are
+        unknown. None unless there are two objectives, certificates and at least two points.
         """
         if len(self.names) != 2 or self.certificates is None or len(self) < 2:
             return None
@@ -342,7 +343,7 @@ class FrontData:
 
 
 def shares_of(front: FrontData, values: Values) -> Values:
-    """Return values of the objectives (..., n_obj) as shares of the stored ranges: 0 is best; 0 on a zero range."""
+    """Return objectives (..., n_obj) as shares of the stored ranges: 0 is best; 0 if a range is zero."""
     low, high = front.ranges.T
     width = high - low
     distance = np.where(front.maximised, high - values, values - low)
@@ -351,7 +352,7 @@ def shares_of(front: FrontData, values: Values) -> Values:
 
 
 def widths_of(front: FrontData) -> Values:
-    """Return the divisors (n_obj,) of objectives in a front's certificates: its ranges, as in ``ranges_of``."""
+    """Return the divisors (n_obj,) of objectives in a front's certificates: its ranges without zeros."""
     return ranges_of(front.ranges.T, np.abs(front.objectives).max(axis=0))
 
 
@@ -368,7 +369,7 @@ def check_front(front: object) -> None:
 
 
 def check_has_points(front: FrontData, verb: str) -> None:
-    """Raise Infeasible, in the name of a verb, if a front is empty."""
+    """Raise Infeasible if a front is empty; ``verb``: what was to be done with it."""
     if len(front) == 0:
         cause = "no point was feasible" if largest_id(front) < 0 else "this part of the front has no point"
         raise Infeasible(f"{verb}: the front must have at least one point, got none: {cause}")
@@ -382,7 +383,7 @@ def row_of(front: FrontData, number: object, *, name: str = "front") -> int:
 
 
 def rows_of(front: FrontData, ids: np.ndarray, name: str) -> Int[np.ndarray, " rows"]:
-    """Return the rows of the points with these ids; raises InvalidInput, by ``name``, for others."""
+    """Return the rows of the points with these ids; raises InvalidInput if the front does not have one."""
     rows = {number: row for row, number in enumerate(front.ids.tolist())}
     unknown = [number for number in ids.tolist() if number not in rows]
     if unknown:
@@ -395,7 +396,7 @@ def rows_of(front: FrontData, ids: np.ndarray, name: str) -> Int[np.ndarray, " r
 def largest_id(front: FrontData) -> int:
     """Return the largest id that a front ever had; −1 if none.
 
-    If the front is a part of another, ids of the whole front count too.
+    If the front is a part of another, the other's ids count too.
     """
     moves = (int(move["to"]) for move in front.provenance.get(NAVIGATIONS, ()))
     return max([int(front.ids.max(initial=-1)), int(front.provenance.get(LARGEST_ID, -1)), *moves])
@@ -417,7 +418,7 @@ def take(front: Front, rows: Int[np.ndarray, " rows"]) -> Front:
 
 
 def attach(front: Front, folder: Any) -> Front:
-    """Set the run folder that keeps a front's choices, and return the same front."""
+    """Set the run folder in which a front's choices are kept, and return the same front."""
     object.__setattr__(front, "folder", folder)
     return front
 
@@ -435,7 +436,7 @@ def merge_named(
 
 
 def merge_bounds(name: str, bounds: Mapping[str, Bound] | None, named: Mapping[str, Bound]) -> dict[str, Bound]:
-    """Return bounds by objective, after all checks that need no front."""
+    """Return the bounds of objectives by name, checked as far as possible without a front."""
     merged = merge_named(name, bounds, named, "bounds", "{'energy': (None, 0.05)}")
     for each, pair in merged.items():
         if not isinstance(pair, list | tuple) or len(pair) != 2:
@@ -452,7 +453,7 @@ def bounds_by_axis(
 ) -> Float[np.ndarray, "n_obj 2"]:
     """Return the lower and upper bound of every objective, infinite if open.
 
-    Raises InvalidInput, by ``name``, for a bound of an unknown objective.
+    Raises InvalidInput for a bound of an unknown objective.
     """
     check_known(front.names, name, bounds)
     limits = np.tile([-np.inf, np.inf], (len(front.names), 1))
@@ -464,13 +465,13 @@ def bounds_by_axis(
 
 
 def inside(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> Mask:
-    """Mark the points that are within, or at, the limits of every objective."""
+    """Mark the points within the limits of every objective, limits included."""
     low, high = limits.T
     return np.asarray(((front.objectives >= low) & (front.objectives <= high)).all(axis=1))
 
 
 def check_known(names: Sequence[str], label: str, given: Iterable[str]) -> None:
-    """Raise InvalidInput, with the valid names, if a given one is not among them."""
+    """Raise InvalidInput, which lists the valid ``names``, if a given one is not among them."""
     for each in given:
         if each not in names:
             hint = likely_spelling(each, names)

@@ -1,8 +1,8 @@
 """A front on disk: `run.json`, `front.parquet` and `motions.npz`, a versioned format without pickle.
 
 `run.json` (``runs.files``) has the front's provenance, its objectives, and the SHA-256 digests of the other files, so
-that a cut, altered or foreign file is refused before any parser sees it. `front.parquet` has one row per point: id, one
-column per objective, violation, violation_between, criticality, status, reason (null if not computed).
+that a truncated, altered or foreign file is refused before any parser sees it. `front.parquet` has one row per point:
+id, one column per objective, violation, violation_between, criticality, status, reason; unknown values are null.
 `motions.npz` has id, genes, joint_names (dof,), time (points, time), q (points, time, dof), and for certified points
 weights (points, n_obj), exchange_rates (points, n_obj, n_obj) and exchange_intervals (points, n_obj, n_obj, 2).
 """
@@ -20,7 +20,7 @@ import numpy as np
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.certificates import Certificates
 from paretoik.front.points import Front, FrontData, JointMotions, MotionBuilder, StoredJoints, StoredMotions, attach
-from paretoik.inputs import first_line
+from paretoik.inputs import first_line, shown
 from paretoik.runs.file_replacement import only_writer, replace_files, without_writers
 from paretoik.runs.files import (
     CHOICES,
@@ -51,9 +51,9 @@ ERROR_COLUMN = "discretisation error of {}"
 def save(front: FrontData, folder: Path, *, overwrite: bool = False) -> None:
     """Write the front's files into `folder`, all of them at once or none.
 
-    An existing run is replaced only if this front is of the same problem and has all points of the run, or with
-    ``overwrite``. Its choices stay if all its points stay. Raises InvalidInput if that is not allowed or fails, or if
-    the provenance has values that JSON cannot hold or names that the format needs.
+    An existing run is replaced only if this front is of the same problem and has all its points, or if ``overwrite``.
+    Its choices are kept if all its points are. Raises InvalidInput if the run must not be replaced, if writing fails,
+    or if the provenance is not strict JSON or has one of ``RESERVED_ENTRIES``.
     """
     files = front_files(front)
     with only_writer(folder):
@@ -79,7 +79,7 @@ def save(front: FrontData, folder: Path, *, overwrite: bool = False) -> None:
 
 
 def front_files(front: FrontData) -> dict[str, bytes]:
-    """Return the contents of a front's files by name; raises InvalidInput as ``save`` does for its provenance."""
+    """Return the contents of a front's files by name; raises InvalidInput if ``save`` refuses its provenance."""
     import pyarrow as pa
 
     clashes = [name for name in RESERVED_ENTRIES if name in front.provenance]
@@ -96,7 +96,7 @@ def front_files(front: FrontData) -> dict[str, bytes]:
         arrays["genes"] = front.genes
     if front.motions is not None:
         arrays |= motion_arrays(front.motions)
-    # One row per point; what is unknown is null.
+    # One row per point; unknown values are null.
     missing, certificates = pa.nulls(len(front), pa.float64()), front.certificates
     columns, units = {"id": pa.array(front.ids)}, dict(zip(front.names, front.units, strict=True))
     columns |= {name: pa.array(values) for name, values in zip(front.names, front.objectives.T, strict=True)}
@@ -132,7 +132,7 @@ def stored_points(folder: Path) -> dict[int, tuple[float, ...]]:
 
 
 def load(folder: Path, *, make: Callable[..., Front], build_motions: MotionBuilder | None = None) -> Front:
-    """Return the front that `save` wrote, after checks; without `build_motions` motions are `StoredMotions`."""
+    """Return the front that `save` wrote, checked; its motions are `StoredMotions` unless `build_motions` is given."""
     with without_writers(folder):
         run = _read_front_entries(folder / RUN)
         contents = {name: read_verified(folder / name, expected) for name, expected in run["files"].items()}
@@ -184,10 +184,12 @@ def _read_front_entries(file: Path) -> dict[str, Any]:
     run = read_run(file)
     if "files" not in run:
         note = unfinished_note(file.parent)
-        raise InvalidRun(f"{file} must be a run with a front, got one of status {run.get('status')!r} without{note}")
+        raise InvalidRun(
+            f"{file} must be a run with a front, got one of status {run.get('status')!r} without a front{note}"
+        )
     check_digest(file, run)
     if "holds" in run:
-        raise InvalidRun(f"{file} must be a run with a front, got one that holds {run['holds']}")
+        raise InvalidRun(f"{file} must be a run with a front, got one that contains {run['holds']}")
     files, objectives = run["files"], run.get("objectives")
     is_complete = (
         isinstance(files, dict)
@@ -200,7 +202,10 @@ def _read_front_entries(file: Path) -> dict[str, Any]:
         and all(isinstance(entry["name"], str) and isinstance(entry["unit"], str) for entry in objectives)
     )
     if not is_complete:
-        raise InvalidRun(f"{file} must have objectives and the digests of {TABLE} and {MOTIONS}, got other entries")
+        raise InvalidRun(
+            f"{file} must have objectives and the digests of {TABLE} and, if present, {MOTIONS}, "
+            f"got objectives {shown(objectives)} and files {shown(files)}"
+        )
     return run
 
 
@@ -219,18 +224,18 @@ def _read_table(file: Path, content: bytes, names: list[str]) -> dict[str, Any]:
             columns |= {name: np.array(table.column(name).to_pylist(), dtype=np.str_) for name in texts}
     except Exception as fault:  # any error of the parser is the file's fault
         wish = f"{file} must have columns id, {', '.join(names)} and violation"
-        raise InvalidRun(f"{wish}, got {first_line(fault)}") from fault
+        raise InvalidRun(f"{wish}, got: {first_line(fault)}") from fault
     return columns
 
 
 def read_motions(file: Path, content: bytes, ids: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the arrays of a `motions.npz`; raises InvalidRun unless they are of points with these ids."""
+    """Return the arrays of a `motions.npz`; raises InvalidRun unless they are of the points with these ids."""
     try:
         arrays = read_arrays(content)
     except Exception as fault:  # any error of the parser is the file's fault
-        raise InvalidRun(f"{file} must be plain arrays, got {first_line(fault)}") from fault
+        raise InvalidRun(f"{file} must be plain arrays, got: {first_line(fault)}") from fault
     if "id" not in arrays or not np.array_equal(arrays["id"], ids):
-        raise InvalidRun(f"{file} must have the ids of {TABLE}, got other ids")
+        raise InvalidRun(f"{file} must have the ids of {TABLE}, got {shown(arrays.get('id'))}")
     q, time, joints = (arrays.get(name, np.empty(0)) for name in ("q", "time", "joint_names"))
     kinds = "".join(array.dtype.kind for array in (q, time, joints))
     fits = q.ndim == 3 and len(q) == len(ids) and time.shape == q.shape[:2] and joints.shape == q.shape[2:]
@@ -246,5 +251,5 @@ def read_verified(file: Path, expected: object) -> bytes:
     """Return the content of a file; raises InvalidRun unless its digest is as expected."""
     content = read_plain_file(file)
     if hashlib.sha256(content).hexdigest() != expected:
-        raise InvalidRun(f"{file} must be the file that {RUN} belongs to, got another or a damaged one")
+        raise InvalidRun(f"{file} must be the file that {RUN} belongs to, got one replaced or damaged since")
     return content

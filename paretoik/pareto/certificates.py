@@ -1,8 +1,8 @@
 """Certificates of front points: violation, criticality, and exchange rates of objectives.
 
-A certificate follows only from the point, never from a solver's report. Objectives are divided by ``ranges``, the nadir
-less the ideal of the run; the length of a direction is its RMS. See ``nlp.criticality``. If a computation fails, only
-that point is undetermined, with the reason.
+A certificate follows only from the point, never from a solver's report. Objectives are divided by ``ranges``, the run's
+nadir less its ideal; the length of a direction is its RMS. See ``nlp.criticality``. If a computation fails, only that
+point is undetermined, with the reason.
 """
 
 from __future__ import annotations
@@ -60,14 +60,14 @@ class CertificateOptions:
     # options of the second-order test:
     curvature: float = 1e-7  # least negative second derivative that counts, along a direction of length one
     multiplier: float = 1e-6  # least multiplier that counts, as a share of all multipliers
-    tie_share: float = 1e-3  # the same for a tie, among the ties of its slack or epigraph variable
+    tie_share: float = 1e-3  # the same for a row with an auxiliary variable, as a share of all rows with the variable
     least_multiplier: float = 1e-9  # least multiplier that counts at all
     descent_steps: tuple[float, ...] = (1e-2, 1e-3, 1e-4)  # lengths tried along a direction of negative curvature
-    descents: tuple[InteriorPointOptions, ...] = (  # tried from the first step until one leads to a better point
+    descents: tuple[InteriorPointOptions, ...] = (  # tried after the first step, until one finds a better point
         InteriorPointOptions(barrier=1e-6, radius=0.02),
         InteriorPointOptions(barrier=1e-4, radius=0.02),
     )
-    met: float = 1e-4  # RMS length of a step: a limit or kink within it ends a direction
+    met: float = 1e-4  # RMS length of a step; a direction ends if a limit or kink is within it
     slope: float = 1e-9  # largest fall of a weakly active limit, or rise of a weightless objective, that counts as 0
     dependent: float = 1e-9  # largest length that counts as 0, for rows scaled to length one
     names: int = 3  # largest number of limits and kinks that a reason names
@@ -86,7 +86,7 @@ OPTIONS = CertificateOptions()
 class Curvature:
     """The result of the second-order test of a critical point."""
 
-    status: str  # "minimum", "saddle" or "undetermined", for which ``reason`` says why
+    status: str  # "minimum", "saddle" or "undetermined"; then ``reason`` says why
     reason: str = ""
     better: Point | None = None  # for a saddle, a point that is better in every objective
 
@@ -153,7 +153,7 @@ def least_multipliers(
 ) -> Float[np.ndarray, " inequalities"]:
     """Return the least size at which each multiplier counts.
 
-    Ties share the weight of their column.
+    Rows with a common auxiliary variable share its weight, so that smaller multipliers count.
     """
     auxiliary = abs(sparse.csc_array(constraints.jacobian)[:, constraints.unknowns :])
     if not auxiliary.shape[1]:
@@ -169,7 +169,7 @@ def edge_names(
     """Return as text the weakly active limits, kinks, and objectives of weight 0."""
     bounds = int(np.count_nonzero(np.isfinite(program.upper)))
     rows = np.flatnonzero(weak)
-    limits = [name for i in rows[rows < at.elastic] for name in program.inequality_names[i : i + 1]]  # some lack one
+    limits = [name for i in rows[rows < at.elastic] for name in program.inequality_names[i : i + 1]]  # not all have one
     totals = np.flatnonzero(np.isfinite(program.upper))
     limits += [program.objective_names[totals[i - at.elastic]] for i in rows if 0 <= i - at.elastic < bounds]
     kinks = [f"a kink of {name}" for name in program.kinked] if (rows >= at.elastic + bounds).any() else []
@@ -180,9 +180,9 @@ def edge_names(
 
 
 def _least_curved(fixed: np.ndarray, hessian: np.ndarray, at: Linearisation) -> tuple[np.ndarray, float]:
-    """Return the direction of least curvature without ``fixed`` rows, and this curvature.
+    """Return the direction of least curvature in the null space of ``fixed``, and this curvature.
 
-    The curvature is infinite if no direction has negative curvature.
+    The curvature is inf if no direction has negative curvature.
     """
     tangent, unit = null_space(fixed, at.unknowns), at.unit
     projected = tangent.T @ hessian @ tangent
@@ -196,10 +196,10 @@ def _least_curved(fixed: np.ndarray, hessian: np.ndarray, at: Linearisation) -> 
 def null_space(
     rows: Float[np.ndarray, "rows columns"], unknowns: int | None = None
 ) -> Float[np.ndarray, "columns free"]:
-    """Return a basis of rows' null space, orthonormal in the ``unknowns``.
+    """Return a basis of the rows' null space, orthonormal in the ``unknowns``.
 
-    The other columns, after these (default none), are auxiliary and are eliminated first: their rows are sparse. The
-    length of a row has no effect.
+    The columns after the unknowns (by default none) are auxiliary and are eliminated first, because their rows are
+    sparse. The length of a row has no effect.
     """
     count = rows.shape[1]
     unit = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
@@ -257,8 +257,8 @@ def exchange_rates(
 ) -> Float[np.ndarray, "points n_obj n_obj"]:
     """Return the exchange rates ∂f_j/∂f_i = −λ_i/λ_j, other objectives fixed.
 
-    They are in natural units, with the objectives' own signs. The diagonal is 1. An entry is NaN if a weight is 0, or
-    if the bounds of λ_i/λ_j are unknown or differ.
+    They are in natural units, in the user's own sign. The diagonal is 1. An entry is NaN if a weight is 0, or if the
+    bounds of λ_i/λ_j are unknown or differ.
     """
     reliable, natural = np.where(weights >= OPTIONS.weight, weights, np.nan), ranges * signs
     rates = -reliable[:, :, None] / reliable[:, None, :] * natural[None, None, :] / natural[None, :, None]
@@ -275,7 +275,7 @@ def exchange_intervals(
     ranges: Float[np.ndarray, " n_obj"],
     signs: Float[np.ndarray, " n_obj"],
 ) -> Float[np.ndarray, "points n_obj n_obj 2"]:
-    """Return the lower and upper bounds of ∂f_j/∂f_i from those of λ_i/λ_j."""
+    """Return the lower and upper bounds of the rates ∂f_j/∂f_i, from those of λ_i/λ_j."""
     natural = ranges * signs
     rates = -ratios * (natural[None, :] / natural[:, None])[..., None]
     i = np.arange(len(ranges))
@@ -288,7 +288,7 @@ def weight_ratios(
 ) -> Float[np.ndarray, "n_obj n_obj 2"]:
     """Return the range of λ_i/λ_j over all multipliers of a critical point.
 
-    It is NaN if a weight is 0. With cones, multipliers are assumed to be unique. Raises SolverFailed.
+    It is NaN if a weight is 0. If there are cones, multipliers are assumed to be unique. Raises SolverFailed.
     """
     reliable = np.where(weights >= OPTIONS.weight, weights, np.nan)
     ratios = reliable[:, None] / reliable[None, :]
@@ -311,12 +311,12 @@ def weight_ratios(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Discretisation:
-    """Errors of objectives ``names`` relative to values on the motion's curve."""
+    """Errors of the objectives ``names``: differences from their values on the motion's curve."""
 
     names: Sequence[str]
     values: Float[np.ndarray, "points n_obj"]
     errors: Float[np.ndarray, "points n_obj"]
-    # whether a large error makes a minimum "under-resolved"; False for finite differences, which define no curve
+    # whether a minimum with a large error is "under-resolved"; False for finite differences, which define no curve
     judged: bool
 
 
@@ -331,15 +331,15 @@ def certify(
     discretisation: Discretisation | None = None,
     observe: Observe | None = None,
 ) -> tuple[Certificates, list[Point | None]]:
-    """Return the certificates of points, and better points next to saddles.
+    """Return the certificates of points, and for each point a better one if it is a saddle, else None.
 
-    The second list has, for every saddle, a feasible point that is better in all objectives, else None. The first
-    objectives of a program are those of the front. After a signal the remaining points are undetermined.
+    The better point is feasible and better in all objectives. The first objectives of a program are those of the front.
+    After a signal the remaining points are undetermined.
 
     program: one program for all points, or one per point
     signs: −1 for maximised objectives, else 1
     violation_between: violation of limits between samples, which the program does not evaluate
-    exceeded: name of the limit exceeded between samples, "" for none; a point that exceeds one is not a minimum
+    exceeded: for each point, the limit exceeded between samples, "" if none; a point that exceeds one is no minimum
     discretisation: errors of the objectives; a minimum with too large an error is "under-resolved"
     observe: function called with the number of certified points and of all points
     """
@@ -391,21 +391,21 @@ def certify(
 
 
 def confirmed_criticality(program: Program, x: Point) -> float:
-    """Return the criticality, by a convex program, of one objective; else NaN."""
+    """Return the criticality of a program with one objective, by a convex program; NaN if that fails."""
     with suppress(Interrupted, SolverFailed, EvaluationFailed, np.linalg.LinAlgError):
         return criticality(*_first_order(program, program.linearise(x), np.ones(1))).value
     return np.nan
 
 
 def criticality_at(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
-    """Return the criticality of a point, or an upper bound near 0."""
+    """Return the criticality of a point, or an upper bound of it if that is near 0."""
     return quick_criticality(*_first_order(program, at, ranges)).value
 
 
 def criticality_bound(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
     """Return an upper bound of the criticality without a conic program.
 
-    It is infinite if it is not near 0 (``active_set_criticality``), and exact with auxiliary columns.
+    It is inf if it is not near 0 (``active_set_criticality``). If there are auxiliary columns, it is exact.
     """
     gradients, constraints, unit = _first_order(program, at, ranges)
     if gradients.shape[1] > at.unknowns:
@@ -415,7 +415,7 @@ def criticality_bound(program: Program, at: Linearisation, ranges: Float[np.ndar
 
 
 def weights_at(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "points n_obj"]:
-    """Return the objectives' weights at critical points; NaN at other points."""
+    """Return the objectives' weights at points; NaN if a point is not critical."""
     weights = np.full((len(x), n_obj), np.nan)
     for row, one in zip(weights, x, strict=True):
         check_interruption()
@@ -427,7 +427,7 @@ def weights_at(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "po
 
 
 def _certify_point(common: Program | None, point: tuple[Program | None, Point, Float[np.ndarray, " n_obj"]]) -> Values:
-    """Return a certificate as plain arrays, with the point's program, else ``common``."""
+    """Return a certificate as plain arrays, by the point's own program or else the ``common`` one."""
     program, x, ranges = point[0] or common, *point[1:]
     assert program is not None
     n_obj = len(ranges)
@@ -455,7 +455,7 @@ def _certify_point(common: Program | None, point: tuple[Program | None, Point, F
 
 
 def _unknown(program: Program, x: Point, n_obj: int, reason: str) -> Values:
-    """Return the certificate of an undetermined point: its violation, or NaN."""
+    """Return the certificate of an undetermined point, with its violation if known."""
     try:
         violation = violation_of(program, *program.evaluate(x))
     except EvaluationFailed:
@@ -467,7 +467,7 @@ def _unknown(program: Program, x: Point, n_obj: int, reason: str) -> Values:
 def _certificate(
     violation: float, weights: np.ndarray, ratios: np.ndarray, criticality: float, curvature: Curvature
 ) -> Values:
-    """Return λ, bounds of λ_i/λ_j, and χ (residual) by name."""
+    """Return the parts of a certificate as arrays by name."""
     better = {} if curvature.better is None else {"better": curvature.better}
     words = np.array([curvature.status, curvature.reason], dtype=np.str_)
     numbers = {"violation": violation, "weights": weights, "ratios": ratios, "residual": criticality}

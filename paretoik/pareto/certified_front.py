@@ -33,7 +33,7 @@ from paretoik.runs.fingerprint import fingerprint
 from paretoik.runs.interruption import reserve_time
 from paretoik.runs.journal import without_journal
 
-# The time that certificates take, and the part of a time limit that is reserved for them.
+# The time of certificates, and the part of a time limit that is reserved for them.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class CertificateTime:
 
     share: float = 0.2  # share of a time limit that is reserved for each later stage
     longest: float = 2.0  # largest number of seconds reserved per point for each later stage
-    trials: float = 0.1  # largest share of the elapsed time that trials of later stages take
+    trials: float = 0.1  # largest share of the elapsed time for trials of later stages
     # step between tried points, as a share of the front; the golden ratio spreads any number of steps evenly
     spread: float = 0.618
 
@@ -52,9 +52,9 @@ TIME_OPTIONS = CertificateTime()
 
 @dataclass(kw_only=True, eq=False)
 class Certifier:
-    """How a formulation's points are refined and certified, and who observes it.
+    """Refinement and certification of a formulation's points, with an observer.
 
-    It tries some points, to measure how long the stages after refinement take.
+    Trials on some points measure how long the stages after refinement take.
     """
 
     formulation: Differentiable
@@ -80,20 +80,19 @@ class Certifier:
         return reserve_time(stages * TIME_OPTIONS.share, stages * points * TIME_OPTIONS.longest)
 
     def per_point(self) -> float:
-        """Return the seconds per point of both stages, shared by all workers."""
+        """Return the seconds per point of tightening and certification, divided by the number of workers."""
         share = self.exceeding / max(len(self.looks), 1)
         tightening = _mean(self.looks) + share * _mean(self.tightenings)
         return tightening / max(workers(), 1) + self.per_certificate()
 
     def per_certificate(self) -> float:
-        """Return the seconds per point of certification, shared by all workers."""
+        """Return the seconds per point of certification, divided by the number of workers."""
         return _mean(self.certificates) / max(workers(), 1)
 
     def try_point(self, x: Point, ranges: Float[np.ndarray, " n_obj"], seconds: float) -> None:
-        """Measure both later stages on a point, if trials were short.
+        """Measure both later stages on a point, if earlier trials took little of the elapsed time ``seconds``.
 
-        Trials may take a small share of ``seconds``, the elapsed time. The clock decides which points are tried, so the
-        journal of a run does not record them.
+        The clock decides which points are tried, so the journal of a run does not record them.
         """
         key, allowed = x.tobytes(), TIME_OPTIONS.trials * seconds
         if key in self.seen or seconds < TIME_LEFT.seconds or sum(self.looks) > allowed:
@@ -114,7 +113,7 @@ class Certifier:
                 held, programs = self.formulation.hold_between(x[None], ranges, solver=self.solver)
                 self.tightenings += [lap()] if exceeds else []
                 individuals = self.formulation.individuals(held)
-                if not self.certificates:  # the first one loads much code
+                if not self.certificates:  # the first one also loads much code, and is not measured
                     certify_individuals(self.formulation, programs, individuals, 2 * ranges)
                 lap()
                 certify_individuals(self.formulation, programs, individuals, ranges)
@@ -122,7 +121,7 @@ class Certifier:
         self.spent += computing_clock() - clock[0]
 
     def point_progress(self, progress: SweepProgress, seconds: float, summary: str = "") -> RunProgress:
-        """Return a sweep's progress, with the time left for due observers."""
+        """Return a sweep's progress, with the time left if an observer is due."""
         remaining = None
         if is_due(self.observe) and progress.ahead is not None:
             row = int(len(progress.front) * (TIME_OPTIONS.spread * len(self.looks) % 1))
@@ -168,9 +167,9 @@ def _mean(values: Sequence[float]) -> float:
 class CertifiedFrontOptions:
     """Settings of certified fronts."""
 
-    rounds: int = 3  # most rounds in which better points next to saddles are refined
-    tolerance: float = 1e-9  # largest deterioration of a point, as a share of an objective's range
-    between: float = 1e-8  # largest violation between samples, as a share of a limit's range
+    rounds: int = 3  # largest number of rounds in which better points next to saddles are refined
+    tolerance: float = 1e-9  # largest rise of an objective that counts as 0, as a share of its range
+    between: float = 1e-8  # largest violation between samples that counts as 0, as a share of a limit's range
 
 
 OPTIONS = CertifiedFrontOptions()
@@ -242,10 +241,11 @@ def certified_front(
 ) -> Front:
     """Return the front of the nondominated points among these, with certificates.
 
-    A point that is worse than its former version on the front ``before`` is replaced by it. If a point exceeds
-    limits between samples and the formulation can tighten them, they are tightened, and the certificate is for the
-    tightened limits. A saddle is replaced by the refined better point next to it. Minima of the front ``before`` stay,
-    with their certificates, if no better point is found.
+    - A point that is worse than its former version on the front ``before`` is replaced by it.
+    - If a point exceeds limits between samples, they are tightened if the formulation can do so; the certificate is for
+      the tightened limits.
+    - A saddle is replaced by the refined better point next to it.
+    - Minima of the front ``before`` stay, with their certificates, if no better point is found.
     """
     formulation = certifier.formulation
     individuals = formulation.individuals(x)
@@ -285,7 +285,7 @@ def certified_front(
 def _leave_saddles(
     certifier: Certifier, points: CertifiedPoints, ranges: Float[np.ndarray, " n_obj"]
 ) -> CertifiedPoints:
-    """Return points with saddles replaced by refined points worse in no objective."""
+    """Return points with saddles replaced by refined points that are worse in no objective."""
     formulation = certifier.formulation
     for _ in range(OPTIONS.rounds):
         saddles = np.array([i for i, better in enumerate(points.better) if better is not None], dtype=int)
@@ -309,10 +309,10 @@ def _keep_minima(
     rows: Int[np.ndarray, " points"],
     ranges: Float[np.ndarray, " n_obj"],
 ) -> CertifiedPoints:
-    """Return points with minima of ``before`` restored, unless they are better.
+    """Return points, each replaced by its former minimum on ``before`` unless it dominates that.
 
-    A point is better if it is better in some objective and worse in none. It may be worse than before because its
-    limits were tightened again, for another motion. ``rows`` are the rows of the points on the front ``before``.
+    A point may be worse than before because its limits were tightened again, for another motion. ``rows`` are the rows
+    of the points on ``before``.
     """
     if before.certificates is None:
         return points
@@ -340,7 +340,7 @@ def no_worse(
     before: Front,
     ranges: Float[np.ndarray, " n_obj"],
 ) -> Individuals:
-    """Return individuals, with those that became worse replaced by feasible former ones."""
+    """Return individuals; feasible former ones on the front ``before`` replace those that became worse."""
     worse = ~(individuals.objectives <= before.minimised + OPTIONS.tolerance * ranges).all(axis=1)  # true for NaN too
     if before.violation is not None:
         worse &= before.violation <= FEASIBLE

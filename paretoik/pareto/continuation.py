@@ -3,10 +3,10 @@
     minimise    weights · F(x)
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper(s),  s from 0 to 1
 
-The optimum for the next bounds is predicted from quadratic models of all objectives, each with its own Hessian, and
-from the multipliers; the active set may change. The error is of the order of the step's cube. Each correction, with
-the Hessian of the Lagrangian, squares the error. Source: Guddat, Guerra Vazquez & Jongen 1990, Parametric Optimization,
-chapter 2; Diehl, Bock & Schlöder 2005 for predictor steps of Newton's method.
+The optimum for the next bounds is predicted from the multipliers and from quadratic models of all objectives, each with
+its own Hessian; the active set may change. The error is of third order in the step. Each correction, with the Hessian
+of the Lagrangian, squares the error. Source: Guddat, Guerra Vazquez & Jongen 1990, Parametric Optimization, chapter 2;
+Diehl, Bock & Schlöder 2005 for predictor steps of Newton's method.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ from paretoik.stop_flag import check_interruption
 class ContinuationOptions:
     """Tolerances and steps; objectives are divided by their ranges."""
 
-    # largest gradient of the Lagrangian at an optimum, per step of RMS length one, over Σ multipliers of F
+    # largest gradient of the Lagrangian at an optimum, per step of RMS length one, divided by Σ multipliers of F
     residual: float = 1e-8
     violation: float = 1e-9  # largest violation of a constraint at an optimum
     corrections: int = 3  # largest number of corrections; if more are needed, the step is halved
     contraction: float = 0.5  # largest ratio of a correction to the one before; a larger ratio halves the step
     few: int = 1  # largest number of corrections after which the step doubles
-    attempts: int = 6  # largest number of attempts, also failed ones; after that, solving from a fresh start is faster
+    attempts: int = 6  # largest number of steps, failed ones included; after these, solving from a new start is faster
     predictions: int = 3  # largest number of Newton steps of a prediction
     predicted: float = 1e-2  # length of a Newton step, as a share of the whole step, below which it is the last
     updates: int = 2  # number of model updates: one for curved bounds of objectives, one more for curved limits
-    # largest excess of a predicted point over a bound or limit, as a share of the step; else the step is halved
+    # largest excess of a predicted point over a bound or limit, as a share of the step; a larger one halves the step
     missed: float = 0.01
-    # slacks, tried in order, up to which a limit counts as active for the first multipliers
+    # largest slacks of an active limit for the first multipliers, tried in order
     active: tuple[float, ...] = (1e-7, 5e-2)
-    balance: float = 1e-6  # gradient of the Lagrangian, as a share of the goal's gradient, at which these trials stop
+    balance: float = 1e-6  # gradient of the Lagrangian, as a share of the goal's gradient, that ends these trials
 
 
 OPTIONS = ContinuationOptions()
@@ -52,7 +52,7 @@ OPTIONS = ContinuationOptions()
 class Optimum:
     """An optimum, or a guess of it, with its multipliers.
 
-    They are those of limits, then of the goal's bounds, then of the program's own bounds.
+    Multipliers are in this order: limits, the goal's bounds, the program's own bounds.
     """
 
     x: Point
@@ -64,13 +64,13 @@ class Continuation:
     """The last optimum that was followed, with numbers of steps and corrections."""
 
     optimum: Optimum
-    share: float  # share of the way that was followed; below 1 the branch ends or bends back there
+    share: float  # share of the way that was followed; if it is below 1, the branch ends or bends back there
     steps: int
     corrections: int
 
 
 def can_follow(program: Program) -> bool:
-    """Return whether optima can be followed: by a kernel without kinks."""
+    """Return whether optima can be followed: the program must have a kernel and no kinks."""
     return not program.kinked and program.kernel is not None
 
 
@@ -80,12 +80,13 @@ def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
         minimise    ‖Aᵀy − gradient‖²,  rows of A: gradients of active limits and bounds
         subject to  y ≥ 0
 
-    Returns None if the point is singular or the least squares fail. Limits tightened elsewhere are not active here.
+    Returns None if the point is singular or the least squares fail. At a limit that was tightened between samples the
+    point has slack; the larger slack in ``OPTIONS.active`` still counts the limit as active.
     """
     from paretoik.nlp.parametric_qp.local_model import first_order  # here: numba
 
     rows, _ = _bounds(program, goal)
-    x = x.copy()  # read-only or non-contiguous arrays would be compiled for again
+    x = x.copy()  # for read-only or non-contiguous arrays numba would compile again
     _, gradients, slacks, columns, entries, regular = first_order(program.kernel, x, len(program.upper))
     if not regular:
         return None
@@ -134,7 +135,7 @@ def follow(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> C
 def correct(program: Program, start: Optimum, goal: Goal, kernel: Any = None) -> tuple[Optimum, int] | None:
     """Return a goal's optimum near a guess, and the number of corrections.
 
-    None if too many corrections are needed. ``kernel`` is the program's kernel, if the caller has it already.
+    Returns None if too many corrections are needed. ``kernel`` is the program's kernel if the caller has it already.
     """
     from paretoik.nlp.parametric_qp.predictor_corrector import move_optimum  # here: numba
 
@@ -149,8 +150,8 @@ def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> 
     """Return the predicted optimum of ``goal(1)`` from that of ``goal(0)``.
 
     The prediction is not corrected: h(x) = 0 is satisfied exactly, limits and bounds nearly; errors of objectives are
-    of the fourth power of the step. If the step is too long for the models at the start, it is halved and new models
-    are made on the way. None if no prediction succeeds.
+    of fourth order in the step. If the step is too long for the models at the start, it is halved, and new models are
+    made on the way. Returns None if no prediction succeeds.
     """
     from paretoik.nlp.parametric_qp.predictor_corrector import move_optimum  # here: numba
 
@@ -174,7 +175,7 @@ def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> 
 
 
 def _step_options() -> Any:
-    """Return the settings of compiled code: values of ``OPTIONS`` by name, defaults of quadratic programs."""
+    """Return the settings of compiled code: those of ``OPTIONS``, and the defaults of quadratic programs."""
     from paretoik.nlp.parametric_qp.homotopy import QpOptions  # here: numba
     from paretoik.nlp.parametric_qp.predictor_corrector import StepOptions
 
@@ -184,7 +185,7 @@ def _step_options() -> Any:
 def _bounds(
     program: Program, goal: Goal
 ) -> tuple[Float[np.ndarray, "bounds objectives"], Float[np.ndarray, " bounds"]]:
-    """Return rows and upper bounds, the goal's before the program's own."""
+    """Return rows and upper bounds: the goal's, then the program's own."""
     finite, bounded = np.isfinite(goal.upper), np.isfinite(program.upper)
     rows = np.concatenate([goal.rows[finite], np.eye(len(program.upper))[bounded]])
     return rows, np.concatenate([goal.upper[finite], program.upper[bounded]])

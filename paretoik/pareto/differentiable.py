@@ -30,7 +30,7 @@ class Individuals:
 
 @runtime_checkable
 class Differentiable(Protocol):
-    """The part of a formulation that gradients need: program and points."""
+    """The part of a formulation that refinement by gradients needs: its program and points."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -38,12 +38,12 @@ class Differentiable(Protocol):
 
     @property
     def tightens(self) -> bool:
-        """Whether ``hold_between`` tightens limits; only splines promise limits between samples."""
+        """Whether ``hold_between`` tightens limits; only limits of splines are satisfied between samples."""
         return False
 
     @property
     def added_samples(self) -> Mapping[str, Any]:
-        """Old and new numbers of samples, if any, as a provenance entry."""
+        """Provenance entry with the old and the new number of samples; empty if none were added."""
         return {}
 
     def program(self, scales: Float[ndarray, " n_obj"] | None = None) -> Program:
@@ -71,7 +71,7 @@ class Differentiable(Protocol):
         """Return points as individuals; ``genes`` are their genes if known."""
 
     def exceeded(self, individuals: Individuals) -> list[str]:
-        """Return in words the limits that individuals exceed between samples, or ""."""
+        """Return the limit that each individual exceeds between samples, in words; "" if none."""
         return [""] * len(individuals.x)
 
     def hold_between(
@@ -84,18 +84,17 @@ class Differentiable(Protocol):
     ) -> tuple[Points, Sequence[Program]]:
         """Return optimal points with limits satisfied between samples, and their programs.
 
-        Limits are satisfied also at places that the programs do not check. A violation that no program can remove
-        remains. Objectives are divided by ``ranges``; ``observe`` gets the share of the work that is done.
+        Limits are then satisfied also at places that the programs do not check, unless no program can remove a
+        violation. Objectives are divided by ``ranges``; ``observe`` is called with the progress.
         """
 
     def branches(self, x: Points) -> list[str]:
-        """Return the points' branch labels, equal if continuous moves may join them."""
+        """Return the label of each point's branch; points with equal labels may be joined by continuous moves."""
 
     def cold_search(
         self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> ColdSearch:
         """Return the search for local optima without initial points.
 
-        ``starts`` is the number of starts, None for the formulation's default. ``observe`` gets the share of the work
-        that is done.
+        ``starts`` is the number of starts, None for the formulation's default. ``observe`` is called with the progress.
         """

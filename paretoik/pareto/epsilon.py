@@ -1,4 +1,4 @@
-"""Fronts of any program by ε-constraints, each from several starts.
+"""Fronts of any program by ε-constraints; each program is solved from several starts.
 
     minimise    F_m(x) + weight · Σ_j≠m F_j(x)
     subject to  F_j(x) ≤ ε_j for all j ≠ m
@@ -47,7 +47,7 @@ def epsilon_points(
 ) -> tuple[Points, Float[np.ndarray, " n_obj"]]:
     """Return points spread over the front, and the objectives' ranges.
 
-    There are at most ``points`` points; the ends of the front are always among them.
+    There are at most ``points`` points, which always include the ends of the front.
 
     - Find the ends.
     - Two objectives: place points where the front gains the most hypervolume.
@@ -56,11 +56,11 @@ def epsilon_points(
 
     program_of: function that returns the program with objectives divided by its argument
     cold_points: number of first points that are also searched from cold starts (only for two objectives)
-    initial: points; feasible ones also lead to ends and points, and none of them dominates the result
+    initial: known points; the feasible ones are starts too, and none of them dominates the result
     refined: whether initial points are refined already
     observe: function called with the progress
 
-    After a signal the points found so far are returned, with ``initial`` ones. Raises the errors of ``cold``, and
+    After a signal the points found so far are returned, ``initial`` ones included. Raises the errors of ``cold``, and
     Interrupted if a signal comes before the first point.
     """
     # the optima of each objective alone
@@ -104,7 +104,7 @@ def epsilon_points(
     )
     further = max(OPTIONS.further, int(OPTIONS.further_share * points), 0 if initial is None else points)
     if initial is not None:
-        weights = None  # None: with two objectives the slope of the front gives the weights
+        weights = None  # needed only with two objectives, for the tangents of the front
         with suppress(Interrupted):
             weights = weights_at(program, initial, n_obj) if n_obj == 2 else None
         sweep.add(evaluate_points(program, initial), weights)
@@ -120,13 +120,13 @@ def _rescaled_ends(
     sizes: Float[np.ndarray, " n_obj"],
     solver: Solver,
 ) -> tuple[Solutions, Program, Float[np.ndarray, " n_obj"]]:
-    """Return the ends, rescaled if they are much narrower, program and ranges."""
+    """Return the front's ends, the program and the ranges: the ends' own ranges if these are much narrower."""
     program = program_of(ranges)
     ends = _ends(program, best, solver)
     narrower = ranges_of(ends.objectives[:, : len(best)] * ranges, sizes)
     if not (narrower < OPTIONS.narrower * ranges).any():
         return ends, program, ranges
-    rescaled = program_of(narrower)  # an inexact end may be far from the front
+    rescaled = program_of(narrower)  # with ranges that are too wide, ends are inexact
     with suppress(Interrupted):
         return _ends(rescaled, best, solver), rescaled, narrower
     return ends, program, ranges
@@ -135,7 +135,7 @@ def _rescaled_ends(
 def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
     """Return the front's ends: one objective optimal, the others nearly so.
 
-    If no weight of the other objectives leads to an optimum, the end is the optimum of its objective only.
+    If no weight of the other objectives leads to an optimum, the end is the optimum of its objective alone.
     """
     count = len(best)
 
@@ -169,13 +169,13 @@ def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
 
 
 def _add_points(sweep: Sweep, cold: ColdSearch, cold_points: int, further: int) -> None:
-    """Add points between a front's ends."""
+    """Add points between the front's ends."""
     check_interruption()
     if sweep.n_obj == 2:
         sweep.place_points(cold, cold_points, further)
         sweep.search_jumps()
     else:
-        # optima from cold starts below an ε: a branch may lack the optimum of every single objective
+        # optima from cold starts below an ε: a branch may contain no optimum of a single objective
         n_obj, ends = sweep.n_obj, sweep.objectives[: sweep.n_obj, : sweep.n_obj]
         sweep.cold_points = n_obj
         ideal, nadir = ends.min(axis=0), ends.max(axis=0)

@@ -1,9 +1,10 @@
 """Move along a front from a known point to a new one, the best optimum that is found.
 
 The start's branch is followed. If it ends or bends back, or a known point is better, the branches of the nearest known
-points that fulfil the wish are followed to it. If none leads there, the program is solved from these points, from
+points that fulfil the wish are followed. If none leads to the wish, the program is solved from these points, from
 points between them and the start, and last from farther points. If the front jumps, the best optimum may be in a valley
-without any of these points: the search also starts behind the start, with a barrier high enough to leave a valley.
+without any of these points: the program is also solved from a point behind the start (worse in the improved objective),
+with a barrier high enough to leave a valley.
 """
 
 from __future__ import annotations
@@ -28,13 +29,13 @@ class NavigationOptions:
     """Settings of moves; objectives are divided by their ranges."""
 
     augmentation: float = 5e-4  # weight ρ of the sum of all objectives
-    share: float = 0.5  # largest ρ as a share of the least weight, so that a point is the optimum of its own goal
+    share: float = 0.5  # largest ρ, as a share of the least weight: then a start is the optimum of its own goal
     neighbours: int = 3  # number of known points to start from
     farther: int = 12  # number of further known points to start from if the first ones lead to no optimum
     better: float = 1e-7  # smallest gain that makes one point better than another
-    worthwhile: float = 0.02  # smallest share of the way for which a partly followed branch is returned
+    worthwhile: float = 0.02  # smallest share of the way for which a point of a branch that ends early is returned
     places: int = 3  # number of places between two points that are tested for a barrier
-    height: float = 1e-6  # excess of an objective over both points that counts as a barrier
+    height: float = 1e-6  # least height of a barrier: excess of an objective over both points
     # the solver's barriers, tried in order until one leads to an optimum
     barriers: tuple[InteriorPointOptions, ...] = WARM.barriers
     # solver settings with a barrier that leaves valleys, and few iterations
@@ -56,7 +57,7 @@ OPTIONS = NavigationOptions()
 
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """Improve an objective by a share of its range; ``payers`` get worse."""
+    """Wish to improve an objective by a share of its range; ``payers`` may get worse."""
 
     improve: int
     payers: tuple[int, ...]
@@ -100,7 +101,7 @@ class Aim:
     def predicted(self) -> Float[np.ndarray, " n_obj"]:
         """Changes that exchange rates predict, as shares of ranges.
 
-        They are inf without a payer.
+        Those of the payers are inf if no payer has a weight.
         """
         wish, change = self.wish, np.zeros(len(self.ranges))
         change[wish.improve] = -wish.by
@@ -113,7 +114,7 @@ class Aim:
 
 
 Between = Callable[[Point, Point, Float[np.ndarray, " shares"]], Float[np.ndarray, " between *point"]]
-"""Returns points at shares of the way from one point to another, without impossible ones."""
+"""Returns the points at shares of the way from one point to another; impossible ones are left out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,20 +131,20 @@ class Destination:
 
     x: Point
     share: float  # share of the wish that the point fulfils
-    followed: Continuation | None  # result of following the branch, None if the branch cannot be followed
-    arrived: bool  # whether following the branch led to this point; else it was solved again
+    followed: Continuation | None  # result of following the branch; None if that is not possible
+    arrived: bool  # whether following the branch led to this point; else the program was solved again
     jump: bool  # whether there is a barrier between the start and the point
 
 
 def move(program: Program, front: FrontPoints, start: int, aim: Aim, between: Between) -> Destination | None:
     """Return the result of a move from a known point; None if no optimum is found."""
-    # follow the start's branch, and those of rivals
+    # follow the start's branch, and those of other points
     goal, neighbours = aim.at_share(1.0), _neighbours(front, start, aim)
     followed = _follow(program, front, start, goal)
     arrived = followed is not None and followed.share >= 1.0
     others = neighbours
     if followed is not None and arrived:
-        # the best known point that is better than x, else the neighbours in other valleys
+        # the best known point if it is better than the followed one, else the neighbours in other valleys
         count = front.objectives.shape[1]
         merit = float(goal.weights @ program.evaluate(followed.optimum.x)[0])
         merits = front.objectives @ goal.weights[:count]
@@ -189,7 +190,7 @@ def move(program: Program, front: FrontPoints, start: int, aim: Aim, between: Be
 
 
 def reach(program: Program, x: Point, goal: Goal) -> Point | None:
-    """Return the optimum of a goal from a nearby point; else None."""
+    """Return the optimum of a goal from a nearby point; None if none is found."""
     return _best(program, _solve(program, [x], goal, OPTIONS.barriers), goal)
 
 
@@ -253,9 +254,9 @@ def _gains(front: FrontPoints, aim: Aim) -> Float[np.ndarray, " points"]:
 
 
 def _behind(front: FrontPoints, start: int, aim: Aim) -> int:
-    """Return the nearest known point behind the start; else the start.
+    """Return the nearest known point behind the start, or else the start.
 
-    It is worse in the improved objective and satisfies all other bounds, so a move to the start could begin there.
+    It is worse in the improved objective and satisfies all other bounds: a move to the start could begin there.
     """
     goal = aim.at_share(0.0)
     others = goal.rows[:, aim.wish.improve] == 0.0

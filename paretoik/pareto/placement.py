@@ -1,8 +1,8 @@
 """Place points of a two-objective front for the most hypervolume.
 
-Between two neighbours the front is modelled by the parabola with their tangents, from exchange rates: near an end the
-front is a parabola, because an objective has its minimum there. If the tangents contradict each other, as across a
-jump, the chord is used.
+Between two neighbours the front is modelled by the parabola with their tangents, which follow from exchange rates. Near
+an end the front is a parabola, because an objective has its minimum there. If the tangents contradict each other, as
+across a jump, the chord is used.
 
 Source: sandwich algorithms, e.g. Rote 1992; the subset of most hypervolume, Auger, Bader, Brockhoff & Zitzler 2009.
 """
@@ -22,17 +22,16 @@ from paretoik.front.geometry import curve_area, lower_hull, tangents_meet
 # Spread of points over a front: non-dominated points, gaps, and the next point.
 
 
-POINT_TOLERANCE = 1e-7  # share of the ranges: nearer points are one point, and smaller gains count as 0
+POINT_TOLERANCE = 1e-7  # smallest distance of different points, and smallest gain, as a share of the ranges
 
 
 def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " rows"]:
     """Return the rows of distinct non-dominated points, sorted by the first objective.
 
-    ``shares`` are objectives as shares of their ranges. A dominating point has a smaller sum. Points with a NaN are
-    left out.
+    ``shares`` are objectives as shares of their ranges. Points with a NaN are left out.
     """
     rows = list[int]()
-    for i in np.argsort(shares.sum(axis=1), kind="stable").tolist():
+    for i in np.argsort(shares.sum(axis=1), kind="stable").tolist():  # a point that dominates has a smaller sum
         if np.isfinite(shares[i]).all() and not (shares[rows] <= shares[i] + POINT_TOLERANCE).all(axis=1).any():
             rows.append(i)
     front = np.array(rows, dtype=int)
@@ -42,7 +41,7 @@ def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " r
 def spread_rows(shares: Float[np.ndarray, "points n_obj"], count: int) -> Int[np.ndarray, " rows"]:
     """Return the rows of up to ``count`` points that are well spread.
 
-    First come the best points of all objectives, then the points farthest from those chosen.
+    The best point in each objective is chosen first, then one after another the point farthest from those chosen.
     """
     rows = list(dict.fromkeys(shares.argmin(axis=0).tolist()))
     while len(rows) < min(count, len(shares)):
@@ -57,10 +56,11 @@ def fill_gaps(
     points: int,
     look_ahead: Callable[[list[tuple[int, Float[np.ndarray, " n_obj"]]]], object] | None = None,
 ) -> None:
-    """Add points in the widest gaps, until ``points`` or no gap remain.
+    """Add points in the widest gaps, until there are ``points`` or no gap is left.
 
-    add: function that minimises an objective below upper bounds (inf for its own); returns whether the point is new. At
-        a jump it could add points at either edge forever, so a gap that stays as wide is closed.
+    A gap that stays as wide is closed: at a jump, points could be added at either edge forever.
+
+    add: function that minimises an objective below upper bounds (inf for its own), and returns whether the point is new
     look_ahead: function called with the likely arguments of ``add`` for every gap, the widest first
     """
     closed: set[tuple[float, ...]] = set()
@@ -84,15 +84,15 @@ def fill_gaps(
 def _levels(ends: Float[np.ndarray, "2 n_obj"]) -> list[tuple[int, Float[np.ndarray, " n_obj"]]]:
     """Return objectives to minimise between two points, with upper bounds.
 
-    The bounds of the other objectives are halfway between the points. The objective with the longer side of the gap
-    comes first. At a jump there may be a point for one and none for the other.
+    The other objectives' bounds are midpoints. The objective whose bound halves the longer side of the gap comes first.
+    At a jump there may be a point for one objective and none for the other.
     """
     mains, middle = np.argsort(np.abs(ends[0] - ends[1]), kind="stable"), ends.mean(axis=0)
     return [(int(main), np.where(np.arange(len(middle)) == main, np.inf, middle)) for main in mains]
 
 
 def _wide_gaps(values: np.ndarray, ends: np.ndarray) -> list[tuple[float, ...]]:
-    """Return the gaps between two points at least 95 % as wide."""
+    """Return the gaps between two points that are at least 95 % as wide as the two are apart."""
     size = float(np.linalg.norm(ends[1] - ends[0]))
     off = np.linalg.norm(values[:, None] - ends, axis=2)
     inside = np.sum(off**2, axis=1) <= size**2 * (1 + 1e-9)
@@ -102,12 +102,12 @@ def _wide_gaps(values: np.ndarray, ends: np.ndarray) -> list[tuple[float, ...]]:
 
 
 def is_duplicate(value: Float[np.ndarray, " n_obj"], others: Float[np.ndarray, "points n_obj"]) -> bool:
-    """Return whether a point repeats one of the others."""
+    """Return whether a point equals one of the others within the tolerance."""
     return bool((np.abs(others - value).max(axis=1) <= 10 * POINT_TOLERANCE).any())
 
 
 def _gaps(values: np.ndarray) -> list[tuple[int, int]]:
-    """Return pairs of neighbours, without points in their ball, the widest first."""
+    """Return pairs of neighbours, the widest first: no point is in the ball between two (Gabriel graph)."""
     square = np.sum((values[:, None] - values[None]) ** 2, axis=2)
     inside = square[:, None, :] + square[None, :, :] < square[:, :, None]  # (i, j, k): whether k is between i and j
     first, second = np.nonzero(np.triu(~inside.any(axis=2) & (square > (10 * POINT_TOLERANCE) ** 2), 1))
@@ -122,11 +122,11 @@ def _gaps(values: np.ndarray) -> list[tuple[int, int]]:
 class PlacementOptions:
     """Settings of the placement."""
 
-    places: int = 31  # number of places tested in every gap
-    total: int = 400  # approximate largest number of places in all gaps; each gap has fewer if there are many gaps
+    places: int = 31  # number of places tested in a gap
+    total: int = 400  # approximate largest number of places in all gaps; if there are many gaps, each has fewer
     # least gain of a replacement when there are enough points, as a share of the hypervolume in all gaps
     gain: float = 0.005
-    # difference between equal gains, as a share: a chord has many best subsets, and rounding must not choose among them
+    # relative difference of gains that count as equal: a chord has many best subsets; rounding must not choose one
     tie: float = 1e-8
 
 
@@ -139,7 +139,7 @@ class Gap:
 
     places: Float[np.ndarray, "places 2"]  # places on the curve in order; the first and the last are the neighbours
     area: float  # hypervolume that the whole curve adds to its ends
-    contradicts: bool  # whether the tangents contradict each other; the curve is the chord then
+    contradicts: bool  # whether the tangents contradict each other; then the curve is the chord
     is_concave: bool  # whether the curve is above the chord
 
     @cached_property
@@ -158,10 +158,10 @@ class Target:
 
 
 class BestSubsets:
-    """The subsets of every size with the most hypervolume less ``cost``.
+    """The subset of each size with the most hypervolume less the ``cost`` of its points.
 
     Both ends are always included. ``values`` are mutually non-dominated and sorted by the first objective; the
-    reference point is the worst value of each objective. Dynamic programming computes the sizes when they are needed.
+    reference point has the worst value of each objective. Sizes are computed by dynamic programming when needed.
     """
 
     def __init__(self, values: Float[np.ndarray, "points 2"], cost: Float[np.ndarray, " points"] | float = 0.0) -> None:
@@ -186,7 +186,7 @@ class BestSubsets:
         return np.array([0, *reversed(rows)])
 
     def volume(self, count: int) -> float:
-        """Return the hypervolume less cost of ``count`` ≥ 2 points."""
+        """Return the hypervolume less cost of the best subset of ``count`` ≥ 2 points."""
         self._extend(count)
         return float(self._best[count - 2][-1])
 
@@ -194,13 +194,13 @@ class BestSubsets:
 def best_rows(
     values: Float[np.ndarray, "points 2"], count: int, cost: Float[np.ndarray, " points"] | float = 0.0
 ) -> Int[np.ndarray, " rows"]:
-    """Return the rows of ``count`` points with most hypervolume less ``cost``."""
+    """Return the rows of up to ``count`` points with the most hypervolume less their ``cost``."""
     count = max(count, 2)
     return np.arange(len(values)) if len(values) <= count else BestSubsets(values, cost).rows(count)
 
 
 def gap_between(values: Float[np.ndarray, "2 2"], weights: Float[np.ndarray, "2 2"]) -> Gap:
-    """Return the gap between two neighbours with weights of objectives, or NaN."""
+    """Return the gap between two neighbours; ``weights`` of their objectives are NaN if unknown."""
     left, right = values
     meeting = tangents_meet(left, right, *weights)
     control = values.mean(axis=0) if meeting is None else meeting
@@ -211,7 +211,7 @@ def gap_between(values: Float[np.ndarray, "2 2"], weights: Float[np.ndarray, "2 
 
 
 def hull_pairs(values: Float[np.ndarray, "points 2"]) -> list[tuple[int, int]]:
-    """Return neighbours on the lower convex hull with others between, as rows.
+    """Return the rows of neighbours on the lower convex hull between which there are other points.
 
     Points above the hull may be on a worse branch. ``values`` are sorted by the first objective.
     """
@@ -219,10 +219,10 @@ def hull_pairs(values: Float[np.ndarray, "points 2"]) -> list[tuple[int, int]]:
 
 
 def next_targets(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], points: int) -> list[Target]:
-    """Return the next targets, largest gain first; none if none adds enough.
+    """Return the next targets, the largest gain first; none if none adds enough.
 
-    While points are missing, they are distributed among the gaps, and the target of each gap is its best place. The
-    caller uses the first target next; its result changes the others. When there are enough points, the targets are the
+    While points are missing, they are distributed among the gaps, and each gap's target is its best place. The caller
+    uses only the first target, because its result changes the others. When there are enough points, the targets are the
     places in the best subset of points and places; each must add enough.
     """
     if not gaps:
@@ -271,5 +271,5 @@ def next_targets(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], poi
 
 
 def _first_largest(gains: Float[np.ndarray, " gains"]) -> int:
-    """Return the index of the first gain that equals the largest, but for rounding."""
+    """Return the index of the first gain that equals the largest within rounding."""
     return int(np.argmax(gains >= gains.max() - OPTIONS.tie * abs(gains.max())))

@@ -1,4 +1,4 @@
-"""Refine front points by gradients to local optima, no objective worse."""
+"""Refine a front's points by gradients to local optima; no objective gets worse."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ from paretoik.stop_flag import Interrupted, check_interruption
 
 @dataclass(frozen=True, kw_only=True)
 class ImproverOptions:
-    """When and how much gradients help."""
+    """Settings of gradients in an evolutionary search."""
 
     every: int = 10  # number of generations between two uses of gradients
     share: float = 0.3  # largest number of iterations, as a share of all evaluations
-    gaps: int = 4  # number of widest gaps that are targets each time
+    gaps: int = 4  # number of widest gaps in which points are searched each time
     weight: float = 1e-6  # weight of the objectives that are not minimised
     # solver settings with few iterations per point
     brief: InteriorPointOptions = InteriorPointOptions(barrier=1e-2, iterations=5, radius=0.1)
@@ -61,13 +61,13 @@ def suggest_points(
     *,
     solver: Solver = "auto",
 ) -> tuple[Float[np.ndarray, " suggested *point"], int]:
-    """Return points a few iterations from a front, and the iteration count.
+    """Return the points after a few iterations from those of a front, and the number of iterations.
 
         minimise    F̂_m + weight · Σ F̂_j        F̂: objectives divided by their ranges
         subject to  F_j ≤ ε_j for j ≠ m
 
-    At the ends of the front ε is infinite; in its widest gaps ε is the middle of the gap; for the best point of every
-    branch ε are its own objectives. The front has at least two points.
+    At the ends of the front ε is infinite; in its widest gaps ε is the midpoint of the gap; for the best point of every
+    branch ε is its own objectives. The front must have at least two points.
     """
     count, ranges = F.shape[1], ranges_of(F)
     shares = F / ranges
@@ -90,10 +90,10 @@ def suggest_points(
 
 
 class SearchImprover:
-    """A source of genes for a search, by gradients from its front.
+    """Genes for a search, found by gradients from its front.
 
-    ``spent`` is the number of iterations; one counts as an evaluation. Raises InvalidInput if an objective or limit has
-    no derivative.
+    ``spent`` is the number of iterations; each counts as one evaluation. Raises InvalidInput if an objective or limit
+    has no derivative.
     """
 
     def __init__(self, search: Any, formulation: Differentiable, solver: Solver = "auto") -> None:
@@ -102,7 +102,7 @@ class SearchImprover:
         self._program = formulation.program()
 
     def __call__(self, progress: Any) -> Genes | None:
-        """Return genes to evaluate next, or None, at a search's progress."""
+        """Return genes to evaluate next, or None if gradients are not due."""
         front, options = self._search.archive.members, IMPROVER_OPTIONS
         due = progress.generation % options.every == 0 and self.spent <= options.share * progress.evaluations
         if not due or front is None or len(front) < 2:
@@ -120,22 +120,22 @@ class SearchImprover:
 class RefineOptions:
     """Settings of refinement; objectives are divided by their ranges.
 
-    - Attempts come in the order ``straight``, ``below``, ``near``, ``cold``. The next one starts if an attempt does not
+    - Attempts are ``straight``, ``below``, ``near``, ``cold``, in this order. The next one follows if one does not
       converge or an objective rises.
-    - A critical point is perhaps only weakly optimal if an objective has no weight: this objective may still gain.
-      These points are refined ``below`` too.
+    - A critical point may be only weakly optimal if an objective has no weight: this objective may still gain. These
+      points are refined by ``below`` too.
     """
 
-    weight: float = 0.1  # weight of the sum of all objectives, added to the first, so that no nearly free gain is left
+    weight: float = 0.1  # weight of the sum of all objectives, added to the first; it finds gains at almost no loss
     critical: float = 1e-8  # largest criticality of a point that is not refined
     stationary: float = 1e-6  # largest stationarity of an optimum
     rise: float = 1e-9  # largest rise of an objective that counts as 0
     gain: float = 1e-6  # smallest gain for which a refined weak optimum is kept
     batch: int = 4  # number of points refined between two calls of the observer, which may end the refinement
-    # solver settings of the first attempt, in which all objectives gain at least as much as the first
+    # solver settings of the first attempt: all objectives gain at least as much as the first
     straight: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02, iterations=75)
-    # solver settings for equal weights if no objective may rise (Benson 1978); it needs a tenth of the iterations if
-    # the straight way is curved
+    # solver settings of the second attempt: equal weights, no objective may rise (Benson 1978); it needs a tenth of the
+    # iterations if the way of the first attempt is curved
     below: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
     # near, cold: solver settings of further attempts like ``straight``
     near: InteriorPointOptions = InteriorPointOptions(barrier=1e-6, radius=0.02)
@@ -155,9 +155,8 @@ def refine(
 
     Every objective gains at least as much as the first, so each point moves straight ahead and keeps its place among
     its neighbours (Pascoletti & Serafini 1984). The program's first objectives are those of the front, divided by their
-    ranges. Critical points stay, and so do points from which no solver finds a better one. ``observe`` is called with
-    the number of refined points, the number of all, and the last refined point; if it returns true, or after a signal,
-    the others stay as they are.
+    ranges. Points stay if they are critical or no better one is found. ``observe`` is called with the number of refined
+    points, the number of all, and the last refined point; if it returns true, or after a signal, the other points stay.
     """
     refined, converged, finished = x.copy(), np.zeros(len(x), dtype=bool), np.zeros(len(x), dtype=bool)
     done, count = 0, len(x)
@@ -169,7 +168,7 @@ def refine(
             while done < count and finished[done : done + OPTIONS.batch].all():
                 done = min(done + OPTIONS.batch, count)
                 if observe is not None and observe(done, count, refined[done - 1]):
-                    # the same points stay, no matter which process computed others
+                    # the result must not depend on which points the workers computed earlier
                     refined[done:], converged[done:] = x[done:], False
                     return refined, converged
     return refined, converged
@@ -190,7 +189,7 @@ def _refine_here(
         points, converged = x[rows], np.zeros(len(rows), dtype=bool)
         try:
             _refine_rows(program, points, converged, attempts, n_obj, solver)
-            # replace weak optima (an objective has no weight) in place, by points that gain at no cost
+            # replace weak optima (an objective has no weight) in place by points that gain without loss
             below = attempts[1]
             weak = np.flatnonzero(weights_at(program, points, n_obj).min(axis=1, initial=1.0) < CERTIFICATES.weight)
             if len(weak):
@@ -215,7 +214,7 @@ def _refine_here(
 def _refine_in_workers(
     program: Program, x: Points, n_obj: int, solver: Solver, keys: Sequence[bytes | None]
 ) -> Iterator[tuple[int, Values]]:
-    """Yield every point's index and values, refined by workers if possible."""
+    """Yield every point's index and values, refined by workers; a lost point stays as it is."""
     check_interruption()
     attempt = _attempts(n_obj, len(program.upper))[0]
     compile_method(program, x[0], attempt.weights, attempt.options, solver=solver)
@@ -240,7 +239,7 @@ def _values_of(point: Point, converged: Any) -> Values:
 
 
 class _Attempt(NamedTuple):
-    """Minimise weights · F(y) with rows · F(y) ≤ rows · F(start)."""
+    """An attempt: minimise weights · F(y) subject to rows · F(y) ≤ rows · F(start)."""
 
     weights: Float[np.ndarray, "1 objectives"]
     rows: Float[np.ndarray, "n_obj objectives"]
@@ -248,7 +247,6 @@ class _Attempt(NamedTuple):
 
 
 def _attempts(n_obj: int, objectives: int) -> tuple[_Attempt, ...]:
-    """Return the attempts in order."""
     equal, straight = np.zeros((1, objectives)), np.zeros((1, objectives))
     equal[0, :n_obj], straight[0, :n_obj] = 1.0, OPTIONS.weight
     straight[0, 0] += 1.0
@@ -270,7 +268,7 @@ def _refine_rows(
     n_obj: int,
     solver: Solver,
 ) -> None:
-    """Refine points in place, also if a signal raises Interrupted."""
+    """Refine points in place; those found before a signal raises Interrupted are kept."""
     for i, one in enumerate(x):
         check_interruption()
         converged[i] = _is_critical(program, one, n_obj, OPTIONS.critical, criticality_bound)
@@ -290,8 +288,8 @@ def _refine_rows(
         better = _keep(program, x, converged, remaining, solutions, attempt)
         if solver == "sqp" or not can_follow(program):
             continue
-        # the critical points of Newton's method, if they are no worse: in a flat valley rounding hides a gain from the
-        # solver's merit function; gradients still show it
+        # accept critical points of Newton's method that are no worse: in a flat valley rounding hides a gain from the
+        # solver's merit function, but gradients still show it
         for i in better[~converged[better]]:
             goal = Goal(weights=attempt.weights[0], rows=attempt.rows, upper=attempt.rows @ program.evaluate(x[i])[0])
             guess = guess_optimum(program, x[i], goal)
@@ -313,8 +311,8 @@ def _keep(
 ) -> Int[np.ndarray, " better"]:
     """Replace points by solutions that are no worse; return the replaced rows.
 
-    An optimum of the attempt is optimal for the front only if no objective has a negative weight: in a straight attempt
-    the first objective may have to rise for the others to fall.
+    An attempt's optimum is optimal for the front only if no objective has a negative weight: in a straight attempt the
+    others may be able to fall only if the first rises.
     """
     n_obj = len(attempt.rows)
     weights = attempt.weights + solutions.bound_multipliers[:, :n_obj] @ attempt.rows
@@ -330,7 +328,7 @@ def _keep(
 
 
 def _no_worse(program: Program, x: Points, solutions: Solutions, n_obj: int) -> Bool[np.ndarray, " points"]:
-    """Return which solutions are no worse than their feasible starts."""
+    """Return which solutions are no worse than their starts, or start from an infeasible point."""
     before = evaluate_points(program, x)
     rise = (solutions.objectives - before.objectives)[:, :n_obj].max(axis=1)
     return (rise <= OPTIONS.rise) | (before.violation > FEASIBLE)
@@ -343,7 +341,7 @@ def _is_critical(
     tolerance: float,
     value: Callable[[Program, Linearisation, np.ndarray], float],
 ) -> bool:
-    """Return whether a point is feasible and ``value``, its criticality, almost 0."""
+    """Return whether a point is feasible and its criticality, by ``value``, is within the tolerance."""
     try:
         at = program.linearise(x)
         if violation_at(program, at) > FEASIBLE:

@@ -31,13 +31,13 @@ from paretoik.stop_flag import STOP, Interrupted, check_interruption
 class RefinementOptions:
     """Settings of repeated refinement.
 
-    Criticality is measured in shares of the ranges: over the wide ranges of a coarse search it is almost 0 at points
-    that are not critical over the ranges of the final front.
+    Criticality is in shares of the ranges: with the wide ranges of a coarse search it is almost 0 even at points that
+    are not critical with the ranges of the final front.
     """
 
-    rounds: int = 3  # most rounds of refinement
-    shrinkage: float = 0.5  # share of its former size below which a range requires another round
-    smallest_share: float = 1e-3  # smallest share of a range's former size; smaller ranges are near solver tolerances
+    rounds: int = 3  # largest number of rounds
+    shrinkage: float = 0.5  # ratio of a range to its former size, below which another round follows
+    smallest_share: float = 1e-3  # lower limit of the ratio; smaller ranges are near the solvers' tolerances
 
 
 OPTIONS = RefinementOptions()
@@ -47,16 +47,16 @@ OPTIONS = RefinementOptions()
 class Completion:
     """Settings of points added to a front: optima, and points in gaps."""
 
-    points: int  # largest number of points of the front, or its own number if that is larger
-    seed: int  # seed of the starts
+    points: int  # largest number of points of the completed front
+    seed: int  # seed of random starts
     first_id: int  # id of the first new point
     # number of starts per objective; fewer than without a search, because the search has explored already
     starts: int = 24
-    cold_points: int = 0  # number of points that are also searched from starts
+    cold_points: int = 0  # number of points that are also searched from random starts
 
 
 class RefinedFront(NamedTuple):
-    """A certified front, converged points, and whether an observer ended it."""
+    """A certified front, whether each refined point converged, and whether an observer ended the refinement."""
 
     front: Front
     converged: Bool[np.ndarray, " points"]
@@ -73,7 +73,7 @@ def refined_front(
     before: Front | None = None,
     completion: Completion | None = None,
 ) -> RefinedFront:
-    """Return the refined and certified front of points, with a ``completion``'s points.
+    """Return the refined and certified front of points, with new points if ``completion`` is given.
 
     Points that became worse than on the front ``before`` are restored.
     """
@@ -94,10 +94,10 @@ def refined_front(
 def _refine_over_own_ranges(
     certifier: Certifier, x: Points, ranges: Values, then: str
 ) -> tuple[Points, Bool[np.ndarray, " points"], Values, bool]:
-    """Return refined points, converged flags, ranges, and whether an observer stopped.
+    """Return refined points, converged flags, ranges, and whether an observer ended the refinement.
 
-    The ranges are about those of the points' front. ``then`` names the stages that follow; if there are some, the time
-    left is not shown.
+    The ranges are approximately those of the points' front. ``then`` names the stage that follows; if there is one, the
+    time left is not shown.
     """
     formulation, observe, following = certifier.formulation, certifier.observe, " and ".join(certifier.later_stages)
     ended, shares = False, np.ones(len(ranges))
@@ -128,7 +128,7 @@ def _refine_over_own_ranges(
 def _completed(
     completion: Completion, certifier: Certifier, x: Points, ids: Ids, ranges: Values
 ) -> tuple[Float[np.ndarray, " completed *point"], Int[np.ndarray, " completed"], Values]:
-    """Return points completed by new ones, if any, ids and ranges."""
+    """Return the points with new ones added, if any, their ids, and the ranges."""
     formulation, solver, observe = certifier.formulation, certifier.solver, certifier.observe
     began = computing_clock()
 
@@ -152,7 +152,7 @@ def _completed(
             solver=solver,
             observe=None if observe is None else show_point,
         )
-        # Former points keep their ids, new ones count from the first id.
+        # Former points keep their ids; those of new points count from ``first_id`` on.
         ids_before = {one.tobytes(): int(each) for one, each in zip(x, ids, strict=True)}
         numbers = [ids_before.get(one.tobytes(), completion.first_id + i) for i, one in enumerate(new)]
         return new, np.array(numbers, dtype=np.int64), new_ranges

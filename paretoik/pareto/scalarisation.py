@@ -27,14 +27,14 @@ from paretoik.nlp.program import (
 from paretoik.runs.distribution import workers
 
 Observe: TypeAlias = Callable[..., object]
-"""Called with the numbers done and total; by a cold search of motions also with a summary of violations."""
+"""Called with the numbers done and in total; a cold search of motions adds a summary of violations."""
 
 
 def objective_sizes(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, " n_obj"]:
     """Return the size of every objective at points.
 
     It is the largest |F|, or the largest first-order change of F in a step of RMS length 1 rad along the gradient if
-    that is more, as F may be almost 0 at optima. Auxiliary variables have no unit of length and do not count.
+    that is more: F may be almost 0 at optima. Auxiliary variables have no unit of length and do not count.
     """
     at = [program.linearise(one) for one in x]
     values = np.array([each.objectives[:n_obj] for each in at])
@@ -61,16 +61,15 @@ def minimise_weighted(
     batch: int | None = None,
     observe: Observe | None = None,
 ) -> Solutions:
-    """Return the solutions from points.
+    """Return the solution from each point.
 
         minimise    weights · F(x)
         subject to  F(x) ≤ upper (ε)
 
     Only the first n_obj objectives of the program are weighted and bounded.
 
-    barrier: solver settings, common or one per point
-    observe: function called after each batch of ``batch`` points; workers get all points at once, and it is called
-        when they return some
+    barrier: solver settings for all points, or one per point
+    observe: function called after each batch of ``batch`` points, or with workers whenever they return some points
     """
     count, n_obj = len(x), weights.shape[1]
     upper = np.full((1, n_obj), np.inf) if upper is None else upper
@@ -90,7 +89,7 @@ def minimise_weighted(
     return concatenate(parts)
 
 
-# Local minima from known points: no barrier can lose a known point.
+# Local minima from known points: a known point is never replaced by a worse one.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +102,7 @@ class WarmStartOptions:
         InteriorPointOptions(barrier=1e-6, radius=0.02),
         InteriorPointOptions(barrier=1e-3, radius=0.02),
     )
-    # a solution worse by at most this share of the objective's size shows that its start is optimal
+    # largest loss by which a solution still shows that its start is optimal, as a share of the start's objective
     rounding: float = 1e-7
 
 
@@ -111,7 +110,7 @@ WARM_OPTIONS = WarmStartOptions()
 
 
 def evaluate_points(program: Program, x: Points) -> Solutions:
-    """Return points, none counted as optimal, with objectives and violations."""
+    """Return points as solutions, with objectives and violations, none of them marked as optimal."""
     ends = [program.evaluate(one) for one in x]
     violation = [violation_of(program, *each) for each in ends]
     return Solutions(
@@ -130,8 +129,8 @@ def minimise_from(
 ) -> Solutions:
     """Return the local minima of weights · F that points lead to.
 
-    No minimum is worse than its start, if that is feasible. If no barrier improves a feasible start, it is returned: as
-    converged if a solution equals it within rounding, else with the status of no progress.
+    No minimum is worse than a feasible start. If no barrier improves a feasible start, it is returned: as converged if
+    a solution equals it within rounding, else with the status ``NO_PROGRESS``.
     """
     factors = np.pad(weights, (0, len(program.upper) - len(weights)))
     starts = evaluate_points(program, x)
@@ -157,7 +156,7 @@ def minimise_from(
 
 
 def insert_best(optima: Solutions, others: Solutions, weights: Float[np.ndarray, " n_obj"]) -> Solutions:
-    """Return optima with the best feasible other first, if it beats all."""
+    """Return optima, with the best feasible one of ``others`` first if it is better than all."""
     feasible = others[others.violation <= FEASIBLE]
     if not len(feasible):
         return optima
@@ -168,7 +167,7 @@ def insert_best(optima: Solutions, others: Solutions, weights: Float[np.ndarray,
     return concatenate((feasible[best : best + 1], optima)) if better else optima
 
 
-# Cold searches: local optima without known points, for ε-sweeps; and one for programs whose starts are points.
+# Cold searches: local optima without known points, for ε-sweeps; and one that starts from given points.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,7 +176,7 @@ class ColdSearchOptions:
 
     starts: int = 48  # default number of starts
     weight: float = 1e-3  # weight of the other objectives when one is minimised; without it they may be unbounded
-    initial: int = 4  # number of initial points, best in an objective, from which its optima are searched
+    initial: int = 4  # number of initial points, the best in an objective, from which its optima are searched
     batch: int = 4  # number of starts between two calls of the observer
     distinct: float = 0.01  # distance (rad or m, RMS) below which points are one
     # barrier, second_barrier: solver settings of the first and the second attempt
@@ -194,12 +193,12 @@ class ColdSearch(Protocol):
 
     @property
     def multimodal(self) -> bool:
-        """Whether many basins differ."""
+        """Whether there are many local optima."""
 
     def optima(self, objective: int) -> Points:
         """Return the local optima of one objective alone, best first.
 
-        Raises Infeasible or SolverFailed without any optimum.
+        Raises Infeasible or SolverFailed if none is found.
         """
 
     def optima_below(
@@ -213,7 +212,7 @@ class ColdSearch(Protocol):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StartSearch:
-    """A ``ColdSearch`` that minimises from all ``starts``."""
+    """A ``ColdSearch`` that minimises from given ``starts``."""
 
     program_of: Callable[[Float[np.ndarray, " n_obj"]], Program]
     starts: Points
@@ -243,7 +242,7 @@ class StartSearch:
         return solutions.x
 
     def optima_below(self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float) -> Solutions:
-        """Return one objective's optima with others below ``upper``, best first."""
+        """Return one objective's optima, best first, with the others below ``upper``."""
         weights = main_weights(self.n_obj, np.array([main]), weight)
 
         def solve(starts: Points, barrier: InteriorPointOptions) -> Solutions:
@@ -287,8 +286,8 @@ def optima_alone(
 ) -> Points:
     """Return one objective's optima, best first, also from feasible ``initial`` points.
 
-    From initial points the other objectives have a small weight. Otherwise one of them could rise without bound along a
-    direction in which the first does not change. Raises the errors of ``cold`` if there are no initial points.
+    From initial points the other objectives have a small weight: without it, one of them could rise without bound along
+    a direction in which the first does not change. Raises the errors of ``cold`` if there are no initial points.
     """
     if initial is None or not len(initial):
         return cold.optima(objective)

@@ -1,4 +1,4 @@
-"""The sweep of ε-constraints, with new points where the front gains most."""
+"""The sweep of ε-constraints, which adds points at the places where the front gains most."""
 
 from __future__ import annotations
 
@@ -37,33 +37,28 @@ class EpsilonOptions:
 
     end_tolerance: float = 1e-6  # largest loss of an objective at its end of the front, in favour of the others
     end_weight: float = 1e-3  # first weight of the other objectives at an end
-    # ratio of the ends' ranges to the optima's ranges, below which ends are searched again with their own ranges
+    # ratio of the ends' ranges to the optima's, below which ends are searched again with their own ranges
     narrower: float = 0.5
     weight: float = 5e-4  # weight of the other objectives at any ε; without it a point may be only weakly optimal
     cold_points: int = 3  # number of first points that are also searched from cold starts (two objectives)
-    cold_optima: int = 4  # number of best optima used from each cold search
+    cold_optima: int = 4  # number of best optima used of each cold search
     inner: float = 0.5  # ε of each objective's cold search, between nadir (0) and ideal (1) (more than two objectives)
-    falls_short: float = 0.02  # missing share of the expected gain at which the second neighbour is a start too
-    # further, further_share: largest number of extra points to solve, also as a share of all points; the larger counts
-    further: int = 4
-    further_share: float = 0.5
+    falls_short: float = 0.02  # missing share of the expected gain, from which on the second neighbour is a start too
+    further: int = 4  # largest number of extra points to solve
+    further_share: float = 0.5  # the same as a share of all points; the larger number counts
     grid: int = 256  # number of even steps in a gap to which ε is rounded
     nearest: int = 4  # number of nearest points from which every ε starts (more than two objectives)
-    # neighbours, rounds, basin_iterations: number of neighbours whose basins each point tries, largest number of
-    # rounds, and iterations per try
-    neighbours: int = 2
-    rounds: int = 3
-    basin_iterations: int = 60
+    neighbours: int = 2  # number of neighbours whose basins are searched for each point
+    rounds: int = 3  # largest number of rounds of such searches
+    basin_iterations: int = 60  # number of iterations of such a search
     batch: int = 8  # number of points minimised between two calls of the observer
-    # resolution, resolved_distance: differences of the ends below which the front is one point: a share of every
-    # objective's size, and an RMS distance in rad or arm lengths. The solver's last barrier leaves differences of this
-    # size.
-    resolution: float = 1e-7
-    resolved_distance: float = 1e-3
+    # the front is one point if its ends differ by no more than this; the solver's last barrier may leave as much
+    resolution: float = 1e-7  # difference of every objective, as a share of its size
+    resolved_distance: float = 1e-3  # RMS distance in rad or arm lengths
     # solver settings for starts from a nearby point
     warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
-    # near, cold: solver settings of second attempts at ends: in a flat valley one may lose the point or find a better
-    # one
+    # near, cold: solver settings of further attempts at ends: in a flat valley one attempt may lose the point, another
+    # find a better one
     near: InteriorPointOptions = InteriorPointOptions(barrier=1e-6, radius=0.02)
     cold: InteriorPointOptions = InteriorPointOptions(barrier=0.1, radius=0.2)
 
@@ -73,17 +68,20 @@ OPTIONS = EpsilonOptions()
 
 # Levels of ε, minimised in order, or earlier by workers.
 #
-# A sweep is sequential: each level depends on those before. Often it can be predicted; a level's result depends only on
-# the level, so workers may compute it earlier: the sweep stays the same bit for bit.
+# A sweep is sequential: each level follows from the results before. Often it can be predicted, and its result depends
+# only on the level itself. Workers may therefore compute it earlier: the sweep stays the same bit for bit.
 
 
 Key: TypeAlias = tuple[bytes, int, bytes, InteriorPointOptions]
 
 
 class Level(NamedTuple):
-    """A minimisation of one objective, with small weights of others.
+    """A minimisation of one objective, with small weights of the others.
 
-    It is F_main + weight · Σ F_j with F_j ≤ ε_j from x; ``upper`` is ε, inf for ``main``.
+        minimise    F_main(y) + weight · Σ F_j(y)  from y = x
+        subject to  F_j(y) ≤ ε_j
+
+    ``upper`` is ε, inf for ``main``.
     """
 
     x: Point
@@ -104,9 +102,8 @@ class Level(NamedTuple):
 class SweepProgress:
     """The progress of a sweep."""
 
-    # done, total: number of points on the front so far, and number of points requested
-    done: int
-    total: int
+    done: int  # number of points on the front so far, at most ``total``
+    total: int  # number of points requested
     x: Points  # all points so far
     objectives: Float[np.ndarray, "points n_obj"]  # objectives of all points, minimised, in natural units
     front: Int[np.ndarray, " front"]  # rows of non-dominated points
@@ -115,7 +112,7 @@ class SweepProgress:
     ranges: Float[np.ndarray, " n_obj"]  # divisors of the objectives in the sweep
     solved: int  # number of solved levels
     ahead: float | None  # estimated number of further levels; None during cold searches
-    phase: str  # "" until points are placed; then what is done, in words
+    phase: str  # current phase in words; "" while first points are placed
 
 
 ObserveSweep: TypeAlias = Callable[[SweepProgress], object]
@@ -146,7 +143,7 @@ class Sweep:
     gaps: dict[tuple[int, int], Gap] = field(default_factory=dict)  # gap between two neighbours (rows)
 
     def add(self, solutions: Solutions, weights: Float[np.ndarray, "#points n_obj"] | None = None) -> None:
-        """Add points, on the front or not, with weights in the Lagrangian."""
+        """Add points, dominated or not, with the objectives' weights in the Lagrangian."""
         weights = np.full((1, self.n_obj), np.nan) if weights is None else weights
         self.weights = np.concatenate([self.weights, np.broadcast_to(weights, (len(solutions), self.n_obj))])
         self.x = np.concatenate([self.x, solutions.x])
@@ -154,7 +151,7 @@ class Sweep:
         self._show()
 
     def _lagrangian(self, solutions: Solutions, weights: np.ndarray) -> Float[np.ndarray, "points n_obj"]:
-        """Return objectives' weights in the Lagrangian: ``weights`` plus bounds' multipliers."""
+        """Return the objectives' weights in the Lagrangian: ``weights`` plus the multipliers of their bounds."""
         return np.asarray(weights + solutions.bound_multipliers[:, : self.n_obj])
 
     def front(self) -> Int[np.ndarray, " front"]:
@@ -162,7 +159,7 @@ class Sweep:
         return front_rows(self._values)
 
     def spread(self) -> Int[np.ndarray, " rows"]:
-        """Return the rows of ``points`` well-spread points, or of most hypervolume."""
+        """Return the rows of up to ``points`` points: of the most hypervolume (two objectives), or well spread."""
         rows = self.front()
         values = self._values[rows]
         return rows[best_rows(values, self.points) if self.n_obj == 2 else spread_rows(values, self.points)]
@@ -176,8 +173,8 @@ class Sweep:
         if self.observe is None:
             return
         front, ahead = self.front(), None
-        if self.cold_points <= 0:  # the estimated number of remaining levels
-            each = self.solved / max(len(front) - self.n_obj, 1)  # number of levels per point; no level finds the ends
+        if self.cold_points <= 0:  # estimate the number of remaining levels
+            each = self.solved / max(len(front) - self.n_obj, 1)  # levels per point; the ends are not found by levels
             exchange = self.rounds * OPTIONS.neighbours * self.points
             levels = max(each, 1.0) * (max(self.points - len(front), 0) + self.further) + exchange
             ahead = levels + total - done
@@ -197,7 +194,7 @@ class Sweep:
         )
 
     def solve(self, levels: Sequence[Level]) -> Solutions:
-        """Return solutions of levels with a common ε, minimised earlier or now."""
+        """Return the solutions of levels with a common ε; those minimised ahead are not solved again."""
         self.epsilon = levels[0].upper
         self.solved += len(levels)
         missing = [level for level in levels if level.key not in self.ahead]
@@ -233,8 +230,8 @@ class Sweep:
         self.cold_points, self.further = cold_points, further / 2
         while True:
             rows = self.front()
-            # the gaps that may contain new points, between neighbours and on the hull. If the tangents of two hull
-            # neighbours agree, there may be a branch below the points between them
+            # gaps that may contain new points: between neighbours, and between hull neighbours whose tangents agree.
+            # In the latter there may be a branch below the points between the two
             hull = [(int(rows[i]), int(rows[j])) for i, j in hull_pairs(self._values[rows])]
             pairs = [*pairwise(rows.tolist()), *hull]
             pairs = [pair for pair in pairs if len(self.tried.get(pair, ())) < self.n_obj]
@@ -253,7 +250,7 @@ class Sweep:
             for target in targets if enough else targets[:1]:
                 pair = pairs[target.gap]
                 if len(self.tried.get(pair, ())) < self.n_obj:
-                    # minimise to a target across the longer untried side of a gap
+                    # minimise to the target, below a bound on the longer side that was not tried before
                     ends, levels = self._values[list(pair)], self._levels(pair, target)
                     main, upper = levels[0].main, levels[0].upper
                     weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
@@ -275,8 +272,8 @@ class Sweep:
     def search_jumps(self) -> None:
         """Solve again at both sides of possible jumps of the front.
 
-        A better branch may pass there. Each side is the bound of a search from the other side, with a high barrier that
-        crosses ridges between valleys. If tangents contradict each other, a low barrier is tried too.
+        There may be a better branch. Each side gives the bounds of a search from the other side, with a high barrier
+        that crosses ridges between valleys. If tangents contradict each other, a low barrier is tried too.
         """
         self.phase, self.cold_points, self.further, jumps = "jumps searched", 0, 0, list[tuple[int, list[Level]]]()
         for pair in (list(pair) for pair in pairwise(self.spread().tolist())):
@@ -294,19 +291,19 @@ class Sweep:
             self._add_new(solutions[solutions.converged], weights, levels[0].upper)
 
     def _gap(self, pair: tuple[int, int]) -> Gap:
-        """Return the gap between two rows; rows never change."""
+        """Return the gap between two points, computed once: the points of rows never change."""
         if pair not in self.gaps:
             self.gaps[pair] = gap_between(self._values[list(pair)], self.weights[list(pair)])
         return self.gaps[pair]
 
     def _levels(self, pair: tuple[int, int], target: Target) -> list[Level]:
-        """Return the levels to a target in a gap, nearer end first.
+        """Return the levels to a target in a gap, from the nearer end first.
 
-        They bound the gap's longer untried side.
+        They bound the longer side of the gap, or the other one if that was tried before.
         """
         ends, mains = self._values[list(pair)], self.tried.get(pair, ())
         main = next(k for k in np.argsort(np.abs(ends[0] - ends[1]), kind="stable").tolist() if k not in mains)
-        # on an even grid, so that rounding errors of tangents do not move points
+        # bounds are on an even grid, so that rounding errors of tangents do not move points
         low, width = ends.min(axis=0), np.ptp(ends, axis=0)
         share = np.clip(np.round((target.values - low) / width * OPTIONS.grid), 1, OPTIONS.grid - 1) / OPTIONS.grid
         upper = np.where(np.arange(self.n_obj) == main, np.inf, low + share * width)
@@ -314,12 +311,12 @@ class Sweep:
         return [Level(self.x[pair[i]], main, upper) for i in nearer]
 
     def _gain(self, solutions: Solutions, corner: Float[np.ndarray, " 2"]) -> float:
-        """Return the largest hypervolume of one solution below a corner."""
+        """Return the largest hypervolume that a single solution has below a corner."""
         sides = np.maximum(corner - solutions.objectives[:, : self.n_obj], 0.0)
         return float(np.where(solutions.converged, np.prod(sides, axis=1), 0.0).max(initial=0.0))
 
     def _add_new(self, solutions: Solutions, weights: np.ndarray, corner: np.ndarray) -> bool:
-        """Add new solutions; return whether one is on the front below ``corner``."""
+        """Add new solutions; return whether one of them is on the front and below ``corner``."""
         before, new = self._values[self.front()], False
         for i, value in enumerate(solutions.objectives):
             if is_duplicate(value, self.objectives):
@@ -350,7 +347,7 @@ class Sweep:
         fill_gaps(lambda: self._values[self.front()], add, self.points, look_ahead)
 
     def _levels_below(self, main: int, upper: Float[np.ndarray, " n_obj"]) -> list[Level]:
-        """Return the levels that minimise ``main`` below ``upper`` from the nearest points."""
+        """Return the levels that minimise ``main`` below ``upper``, from the nearest points."""
         off = np.abs(self._values - np.where(np.isfinite(upper), upper, self._values)).max(axis=1)
         nearest = np.argsort(off, kind="stable")[: OPTIONS.nearest]
         return [Level(x, main, upper) for x in self.x[nearest]]
@@ -361,12 +358,12 @@ class Sweep:
             minimise    Σ F(y)  from a neighbour's point
             subject to  F(y) ≤ F(x)
 
-        If there are many valleys, a later neighbour may be in a better one.
+        If there are many valleys, a neighbour that was found later may be in a better one.
         """
         options, self.phase = OPTIONS.warm._replace(iterations=OPTIONS.basin_iterations), "neighbours' basins tried"
         tried = np.zeros((0, 2), dtype=int)
         for _ in range(OPTIONS.rounds):
-            # pairs of each point of the spread with its nearest neighbours in it
+            # pairs of each point of the spread and its nearest neighbours in the spread
             rows = self.spread()
             distances = np.linalg.norm(self._values[rows][:, None] - self._values[rows], axis=2)
             np.fill_diagonal(distances, np.inf)

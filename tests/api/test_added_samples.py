@@ -68,7 +68,7 @@ def test_a_coarse_front_gets_samples_until_its_minima_have_the_values_of_their_c
     loaded = check_front(front, problem, tmp_path / "run")
     used, given = front.problem.task.times.size, problem.task.times.size
     assert any(each.summary.startswith(f"on {used} samples") for each in told)
-    assert f"on {used} samples: the path's {given} left values" in confirmation_text(loaded.provenance)
+    assert f"on {used} samples: with the path's {given}, a value was over 0.1 %" in confirmation_text(loaded.provenance)
     again = pk.refine(loaded, problem)
     assert again.problem.task.times.size == used
     np.testing.assert_allclose(again.objectives, front.objectives, rtol=1e-5)

@@ -28,7 +28,7 @@ def test_a_plan_is_opened_as_it_was_and_is_no_front(tmp_path):
     assert all(np.array_equal(a.motion.q, b.motion.q) for a, b in zip(again.optima, plan.optima, strict=True))
     assert (again.levels, dict(again.provenance)) == (plan.levels, dict(plan.provenance))
     assert (tmp_path / DRAWING).stat().st_size > 0
-    with pytest.raises(pk.InvalidInput, match="got one that holds the optima of a plan, which load_plan opens"):
+    with pytest.raises(pk.InvalidInput, match="got one that contains the optima of a plan, which load_plan opens"):
         pk.load_front(tmp_path)
     with pytest.raises(pk.InvalidInput, match="got one with another fingerprint"):
         pk.load_plan(tmp_path, tracking(pk.kinetic_energy, velocity=9.0))
@@ -53,7 +53,7 @@ def test_a_front_that_a_killed_process_was_to_replace_is_named_and_can_be_opened
     process.kill()
     process.communicate()
     former = tmp_path / ".former-run"
-    with pytest.raises(pk.InvalidInput, match=f"of status 'running' without; the run that it was to .* {former}$"):
+    with pytest.raises(pk.InvalidInput, match=f"of status 'running' without a front; the run that it .* {former}$"):
         pk.load_front(tmp_path)
     assert np.array_equal(pk.Front.load(former).objectives, front.objectives)
 

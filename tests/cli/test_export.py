@@ -68,7 +68,7 @@ def test_the_present_choice_is_written_if_no_point_is_named(paretoik, finished, 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), "error: --point: must be the id of a point unless a choice is kept (paretoik select RUN"),
+        ((), "error: --point: the id of a point must be given unless a choice is kept (paretoik select RUN"),
         (("--point", "99999"), "error: --point: ids must be those of the front's points ("),
         (("--point", "FIRST", "--joints", "a,b"), "got the unknown 'a'"),
     ],

@@ -118,7 +118,7 @@ def check_rates(front: Front, row: int) -> str:
             held = q
         costs = [f"{digits(rates[i, j])} {units[j]}".rstrip() + f" of {names[j]}" for j in range(len(names)) if j != i]
         verb, per = ("gaining" if front.maximised[i] else "saving"), units[i] or "unit"
-        words = f"By its certificate {verb} {name} costs {' or '.join(costs)} per {per}"
+        words = f"By its certificate, {verb} {name} costs {' or '.join(costs)} per {per}"
         words += ", the others unchanged" if len(names) > 2 else ""
         if held is not None:
             away = f"{digits(gains[held, i])} {units[i]}".rstrip()

@@ -48,7 +48,7 @@ def front(**parts):
         ({"choice": 5}, "navigate: ids must be those of the front's points (3 from 4 to 9), got 5"),
         ({"improve": "time"}, "names among energy, torque, travel, got 'time'"),
         ({"allow": "energy"}, "other than the one to improve, got energy"),
-        ({"allow": "torque", "hold": "torque"}, "not on hold, got torque"),
+        ({"allow": "torque", "hold": "torque"}, "not in hold, got torque"),
         ({"by": np.nan}, "by: must be finite"),
         ({"by": 0.1, "to": 1.0}, "by= or to=, got both"),
     ],
@@ -70,7 +70,7 @@ def test_a_front_without_moves_is_refused_in_one_line():
     for parts, words in (
         ({"certificates": None}, "the front must have certificates, as from refine(front)"),
         ({"problem": None}, "the front must have its problem, got none"),
-        ({"problem": object()}, "the problem must have gradients, such as Tracking, got a front of object"),
+        ({"problem": object()}, "the problem must have gradients, such as Tracking, got object"),
         ({"certificates": certified(residual=1e-3)}, "the point must be critical, got point 7 of criticality 1.0e-03"),
         (
             {"certificates": certified(residual=[0.0, 2e-6, 1e-9])},
@@ -91,10 +91,10 @@ def test_a_front_without_moves_is_refused_in_one_line():
 def test_a_point_that_a_move_led_to_says_how_whenever_it_is_named():
     one = front()
     assert one.navigated is None
-    assert one[9].verdict == "Point 9 was named."
+    assert one[9].verdict == "Point 9 was picked by its id."
     moves = [{"to": 9, "reason": "From 7 to 9."}, {"to": 4, "reason": "From 9 to 4."}]
     moved = replace(one, provenance={"navigations": moves})
-    assert [point.verdict for point in moved] == ["From 9 to 4.", "Point 7 was named.", "From 7 to 9."]
+    assert [point.verdict for point in moved] == ["From 9 to 4.", "Point 7 was picked by its id.", "From 7 to 9."]
     assert moved.navigated.reason == moved[4].reason
     assert moved.navigated.reason.startswith("From 9 to 4. It has energy 1 J")
 

@@ -1,7 +1,7 @@
 """Preferences: each chooses one point of a front and says why.
 
-All measure on the stored ranges of the front, Z = (f − ideal)/(nadir − ideal) (``front.shares``), so that more points
-do not move a choice; ``front.choice.first_row`` decides ties.
+All use shares of the stored ranges of the front, Z = (f − ideal)/(nadir − ideal) (``front.shares``), so that further
+points do not move a choice; ``front.choice.first_row`` decides ties.
 """
 
 from paretoik.front.preferences.aspiration import Aspiration, Classify

@@ -1,4 +1,4 @@
-"""Preferences by wishes: classes of objectives, and values to aspire to."""
+"""Preferences by classes of objectives, and by aspiration levels."""
 
 from __future__ import annotations
 
@@ -32,24 +32,26 @@ CLASSES = ("improve", "improve_to", "keep", "relax_to", "free")
 
 @dataclass(frozen=True, init=False, eq=False)
 class Classify:
-    """Every objective in one class, seen from a current point: the classes of NIMBUS.
+    """The classes of NIMBUS: every objective is in one class, relative to a current point.
 
-    current: a point, given as id or Choice
-    improve, improve_to: objectives to improve as far as possible, or to a value
-    keep: objectives that get no worse
-    relax_to, free: objectives that may get worse down to a value, or freely
+    current: id of a point, or a Choice
+    improve: objectives to improve as far as possible
+    improve_to: objectives to improve to a value
+    keep: objectives that must not get worse
+    relax_to: objectives that may get worse up to a value
+    free: objectives that may get worse freely
 
     The chosen point satisfies the classes and has the least
 
         max (Z_i, i to improve; Z_j − a_j, j to improve to a value) + 1e-4 ΣZ,
 
-    Z in shares of the stored ranges (Miettinen and Mäkelä 2006, European J. of Operational Research 170; 1999, NIMBUS;
-    they divide by nadir − utopian, a little more than the ranges nadir − ideal). The current point satisfies the
-    classes too: if it is chosen again, no other does better.
+    with Z and the values a_j in shares of the stored ranges. Source: Miettinen and Mäkelä 1999 (NIMBUS); 2006, European
+    J. of Operational Research 170; they divide by nadir − utopian, a little more than the ranges nadir − ideal. The
+    current point satisfies the classes too: if it is chosen again, no other does better.
 
     ``Classify(choice, improve=["kinetic_energy"], relax_to={"torque_norm": 0.2})``. Raises InvalidInput if an objective
-    is in two classes, or no objective is to improve, or no objective may get worse; ``choose`` raises it if an
-    objective is in no class, or a value is on the wrong side of the current one.
+    is in two classes, none is to improve, or none may get worse; ``choose`` raises it if an objective is in no class,
+    or a value is on the wrong side of the current one.
     """
 
     current: int
@@ -157,14 +159,13 @@ class Classify:
 
 @dataclass(frozen=True, init=False, eq=False)
 class Aspiration:
-    """Values of the objectives to aspire to, by name, in their own units and sign; other objectives are free.
+    """Aspiration levels of objectives, by name, in their own units and sign; other objectives are free.
 
     The chosen point has the least achievement function of Wierzbicki (1980; Miettinen 1999, section 3.5.2):
-    max (Z_i − a_i) over the named objectives + 1e-4 Σ (Z_i − a_i) over all; a_i is the aspiration as a share of the
-    stored range, 0 for other objectives. If the wishes are within reach, this point exceeds them the most; if not, it
-    misses them the least; each point counts by its worst objective. Aspirations can reach every point whose gains,
-    compared with each other point, are at least a ten-thousandth of its losses. An objective without a range has no
-    effect.
+    max (Z_i − a_i) over the named objectives + 1e-4 Σ (Z_i − a_i) over all; a_i is the aspiration level as a share of
+    the stored range, 0 for other objectives. If the levels are within reach, this point exceeds them the most in its
+    worst objective, else it misses them the least. Aspirations can reach every point whose gains, compared with any
+    other point, are at least a ten-thousandth of its losses. An objective without a range has no effect.
 
     ``Aspiration(kinetic_energy=0.05, torque_norm=0.1)``, or a mapping if a name is no identifier. Raises InvalidInput
     if a value is no finite number, no objective is named, or a name is given twice.

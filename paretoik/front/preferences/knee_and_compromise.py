@@ -1,4 +1,4 @@
-"""Preferences for one point, the knee and the compromise; the whole project uses these definitions."""
+"""Preferences: a point by its id, the knee and the compromise; the whole project uses these definitions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from paretoik.tables import html_representation
 
 @dataclass(frozen=True)
 class Point:
-    """The point with an id, picked by hand, as by ``front.select(12)``."""
+    """The point with an id, as in ``front.select(12)``."""
 
     point: int
 
@@ -33,16 +33,16 @@ class Point:
 class Knee:
     """The knee: the point from which any step costs the most compared with its gain.
 
-    With two objectives it is the point farthest below the straight line between the ends of the front, for any ranges
-    (Das 1999, "On characterizing the 'knee' of the Pareto curve based on normal-boundary intersection").
+    With two objectives it is the point farthest below the straight line between the ends of the front; the ranges have
+    no effect (Das 1999, "On characterizing the 'knee' of the Pareto curve based on normal-boundary intersection").
     With more it is the point with the largest least trade-off: exchanging p for q costs Σ max(0, Z_q − Z_p) in shares
-    and gains Σ max(0, Z_p − Z_q); the least ratio of the two over all q is the least trade-off of p (Rachmawati and
-    Srinivasan 2009, IEEE Trans. Evolutionary Computation 13(4), μ(x_i, S)). If points are dense, the nearest exchange
-    gains about as much as it costs, so that ratios are near 1 or below; the knee has the largest, however small. A
-    point that is the best in every objective, within rounding, is the knee.
+    and gains Σ max(0, Z_p − Z_q); the least ratio cost / gain over all q is the least trade-off of p (Rachmawati and
+    Srinivasan 2009, IEEE Trans. Evolutionary Computation 13(4), μ(x_i, S)). On a dense front the nearest exchange gains
+    about as much as it costs, so that all ratios are near 1 or below; the knee has the largest. A point that is the
+    best in every objective, within rounding, is the knee.
 
-    ``choose`` raises InvalidInput if there is no knee: with one objective, and with two if no point is below the line
-    (a straight or concave front).
+    ``choose`` raises InvalidInput if there is no knee: there is one objective, or there are two and no point is below
+    the line (a straight or concave front).
     """
 
     _repr_html_ = html_representation
@@ -94,9 +94,9 @@ class Knee:
 
 
 def _trade_offs(front: FrontData, row: int) -> Values:
-    """Return cost / gain of a move from a row's point to each point.
+    """Return cost / gain of an exchange of a row's point for each point; inf if nothing is gained.
 
-    Cost and gain are sums of shares of the ranges; the ratio is inf if nothing is gained.
+    Cost and gain are sums of shares of the ranges.
     """
     shares = np.ascontiguousarray(front.shares.T)
     steps = shares - shares[:, row, None]
@@ -115,8 +115,8 @@ class Compromise:
     """The compromise: the point whose hardest-hit objective gives up the least, as a share of its range.
 
     It has the least max Z + 1e-4 ΣZ, Z = (f − ideal)/(nadir − ideal) on the stored ranges: compromise programming with
-    the Chebyshev distance (Yu 1973; Zeleny 1973). Unlike the point of equal weights it exists on concave fronts too, on
-    which weights reach only the ends, and naming an objective twice does not move it (except for the augmentation).
+    the Chebyshev distance (Yu 1973; Zeleny 1973). Unlike the point of equal weights it is no end of a concave front, on
+    which weights reach only the ends, and counting an objective twice does not move it (except for the augmentation).
     With one objective it is the best point.
     """
 
@@ -134,7 +134,7 @@ class Compromise:
 
 
 def score_shares(shares: Objectives) -> Values:
-    """Return the scores that the compromise minimises, for points as shares of the ranges (points, n_obj)."""
+    """Return the scores that the compromise minimises; ``shares`` (points, n_obj) are of the ranges."""
     columns = np.ascontiguousarray(shares.T)  # NumPy takes ten times as long to reduce rows of a few numbers
     scores: Values = columns.max(axis=0) + OPTIONS.augmentation * columns.sum(axis=0)
     return scores
@@ -153,9 +153,9 @@ def compromise(front: FrontData) -> Choice:
 
 
 def marked_rows(F: Objectives, ids: Ids) -> list[tuple[int, int | None]]:
-    """Return (row, axis) of the best of every objective, minimised, and (row, None) of the compromise.
+    """Return (row, axis) of the best point in each objective, minimised, and (row, None) of the compromise.
 
-    The compromise uses the points' own ranges; with one objective it is the best point, and the only entry.
+    The compromise uses the points' own ranges; with one objective it is the only entry, the best point.
     """
     shares = np.array(F.T, order="C")  # a copy, changed in place: a search does this in every generation
     shares -= shares.min(axis=1, keepdims=True)
@@ -167,7 +167,7 @@ def marked_rows(F: Objectives, ids: Ids) -> list[tuple[int, int | None]]:
 
 
 def best_rows(F: Objectives, ids: Ids) -> list[int]:
-    """Return the row of the best point of every objective, minimised; the lowest id among equal ones."""
+    """Return the row of the best point in each objective, minimised; of equal points the one with the lowest id."""
     return [_lowest(values, ids) for values in F.T]
 
 

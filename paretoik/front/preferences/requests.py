@@ -1,4 +1,4 @@
-"""Checks of preferences that users ask for, and of their choices; the preference ``Bounds``."""
+"""Checks of users' preferences and of the choices that they make; the preference ``Bounds``."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ from paretoik.tables import html_representation
 class Bounds:
     """Bounds of objectives, and a preference that chooses among the points within them.
 
-    bounds: (lower, upper) by name, in the objectives' own units and sign, with None for an open side; names that are no
-        identifiers need a mapping
+    bounds: (lower, upper) by name, in the objectives' own units and sign, None for an open side; if a name is no
+        identifier, a mapping
     then: preference that chooses, by default the compromise (``Compromise``); ranges stay those of the whole front
 
-    ``Bounds(kinetic_energy=(None, 0.05), then=Weights(torque_norm=1))``. Raises InvalidInput if a bound is not a
-    pair. ``choose`` raises Infeasible if no point satisfies the bounds; its message gives the nearest point
-    and what this misses.
+    ``Bounds(kinetic_energy=(None, 0.05), then=Weights(torque_norm=1))``. Raises InvalidInput if a bound is not a pair.
+    ``choose`` raises Infeasible if no point satisfies the bounds; the message has the nearest point and the bounds that
+    it violates.
     """
 
     bounds: Mapping[str, Bound]
@@ -78,7 +78,7 @@ class Bounds:
         check_front(front)
         limits = bounds_by_axis(front, self.bounds)
         within = inside(front, limits)
-        if not within.any():  # the nearest point misses a bound by the least of the largest shares of a range
+        if not within.any():  # the nearest point has the least largest miss, as a share of a range
             low, high = limits.T
             missed = np.maximum(np.maximum(low - front.objectives, front.objectives - high), 0.0)
             width = np.ptp(front.ranges, axis=1)
@@ -116,16 +116,16 @@ def _in_words(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> str:
     return list_words(words) or "no bound"
 
 
-# Checks of preferences from users, and of their answers.
+# Checks of users' preferences, and of the choices that they make.
 
 
-BY_NAME: dict[str, Callable[[], Preference]] = {"knee": Knee, "compromise": Compromise}  # those that need no numbers
+BY_NAME: dict[str, Callable[[], Preference]] = {"knee": Knee, "compromise": Compromise}  # those without parameters
 
 
 def as_preference(wish: Any, *, name: str = "select") -> Preference:
     """Return a user's request (preference, name, weights by objective, or id) as a preference.
 
-    Raises InvalidInput, with valid requests, for anything else.
+    Raises InvalidInput, which lists valid requests, for anything else.
     """
     if isinstance(wish, str):
         if wish in BY_NAME:
@@ -157,6 +157,6 @@ def ask(preference: Preference, front: FrontData) -> Choice:
     if rows.tolist() != [choice.index] or not np.array_equal(front.objectives[rows[0]], choice.objectives):
         raise InvalidInput(
             f"select: {kind} must return a point of the given front, front.choice(row, verdict), "
-            f"got point {choice.id} of another"
+            f"got point {choice.id} of another front"
         )
     return choice if choice.preference is not None else replace(choice, preference=preference)

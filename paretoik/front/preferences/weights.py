@@ -58,7 +58,7 @@ class Lexicographic:
             )
         twice = [name for name in order if order.count(name) > 1]
         if twice:
-            raise InvalidInput(f"lexicographic must have each objective once, got {twice[0]} twice")
+            raise InvalidInput(f"lexicographic: each objective must be named once, got {twice[0]} twice")
         amounts, shares = (
             named_numbers(f"lexicographic {field}", each, {}, signed=False)
             for field, each in (("tolerances", tolerances), ("tolerance_shares", tolerance_shares))
@@ -82,7 +82,7 @@ class Lexicographic:
     _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
-        """Return the point that the order leads to; raises InvalidInput for other names than objectives."""
+        """Return the point that the order leads to; raises InvalidInput if a name is no objective."""
         check_front(front)
         check_known(front.names, "lexicographic", self.order)
         among, words, remaining = np.ones(len(front), dtype=bool), [], {}
@@ -108,11 +108,11 @@ class Weights:
     """Weights of the objectives, by name; an objective that is not named has weight 0.
 
     The choice follows Marcos et al. (2012), Eqs. 19 and 20: each objective is normalised by the front's stored range,
-    and the point with the smallest weighted sum (weights scaled to sum 1) wins. Ties go to the lowest sum of all
-    shares, then to the best first objective, then to the lowest id. The weights have no unit and any sum:
+    and the point with the smallest weighted sum wins. Ties go to the lowest sum of all shares, then to the best first
+    objective, then to the lowest id. Weights have no unit, and are scaled to sum 1:
     ``Weights(kinetic_energy=0.3, torque_norm=0.7)``, or a mapping if a name is not an identifier.
 
-    Weights reach only points on the convex hull of the front. The reason says how many other points there are;
+    Weights reach only points on the convex hull of the front. The reason gives the number of other points;
     ``Aspiration`` can reach these.
 
     Raises InvalidInput if a weight is negative or not finite, no weight is positive, or a name is given twice.
@@ -135,16 +135,14 @@ class Weights:
         sums = front.shares @ weights
         row = first_row(front, sums)
         verdict = (
-            f"{subject(front, row)} has the least weighted sum, {sums[row]:.3g}, of what objectives give up of their "
+            f"{subject(front, row)} has the least weighted sum, {sums[row]:.3g}, of the objectives as shares of their "
             f"ranges ({weights_in_words(front, weights)})."
         )
         if unnamed := [name for name, weight in zip(front.names, weights, strict=True) if not weight]:
             verdict += f" Without a weight, {list_words(unnamed)} decided only between equal sums."
         if unreached := front.ids[~front.supported].tolist():
             near = [str(each.id) for each in compare_better(front, row, nearest=True) if each.id in unreached]
-            verdict += (
-                f" No weights at all reach {len(unreached)} of the points, which lie above straight lines between "
-            )
+            verdict += f" No weights reach {len(unreached)} of the points, which are above straight lines between "
             verdict += "others" + f", among them its neighbour{'s' * (len(near) > 1)} {list_words(near)}" * bool(near)
             verdict += "; an aspiration can reach them."
         named = dict(zip(front.names, weights.tolist(), strict=True))
@@ -156,12 +154,12 @@ def check_weights(kind: str, mapping: Mapping[str, float] | None, keywords: Mapp
     """Return weights by objective; raises InvalidInput unless all are at least 0 and one is positive."""
     weights = named_numbers(kind, mapping, keywords, signed=False)
     if not any(weights.values()):
-        raise InvalidInput(f"{kind} must have at least one above zero, got {shown(dict(weights))}")
+        raise InvalidInput(f"{kind}: at least one must be above zero, got {shown(dict(weights))}")
     return weights
 
 
 def weights_by_axis(front: FrontData, named: Mapping[str, float], kind: str) -> Values:
-    """Return the weights of a front's objectives, their sum 1; raises InvalidInput if one names no objective."""
+    """Return the weights of all objectives, scaled to sum 1; raises InvalidInput if a name is no objective."""
     check_known(front.names, kind, named)
     weights: Values = np.array([named.get(name, 0.0) for name in front.names])
     weights /= weights.max()  # so that the sum of huge weights stays finite
@@ -177,8 +175,8 @@ def weights_in_words(front: FrontData, weights: Values) -> str:
 class Robust:
     """Weights that may each be wrong by a share ``uncertainty``; the largest regret is minimised.
 
-    The regret of a point under weights v is its v·Z less the smallest v·Z of all points. Weights are in the box w(1 ±
-    uncertainty) around given weights w (their sum 1). The regret is convex in the weights, so that it is largest at a
+    The regret of a point under weights v is its v·Z less the smallest v·Z of all points. The weights v are in the box
+    w(1 ± uncertainty) around the given ones w, scaled to sum 1. The regret is convex in v, so that it is largest at a
     vertex; the point with the least largest regret is chosen (min-max regret; Savage 1951; Kouvelis and Yu 1997).
 
     ``Robust(kinetic_energy=0.3, torque_norm=0.7, uncertainty=0.2)``. Raises InvalidInput for weights as ``Weights``

@@ -71,13 +71,13 @@ def test_ties_go_to_the_lowest_sum_then_the_best_first_objective_then_the_lowest
 def test_the_verdict_says_what_was_weighed_and_which_points_no_weights_reach():
     front = curve(ids=np.array([1, 2, 3]), objectives=np.array([[1.0, 4.0], [2.0, 1.0], [5.0, 0.0]]))
     assert front.select(Weights(energy=3.0, torque=3.0)).verdict == (
-        "Point 2 of 3 has the least weighted sum, 0.25, of what objectives give up of their ranges "
+        "Point 2 of 3 has the least weighted sum, 0.25, of the objectives as shares of their ranges "
         "(energy 50%, torque 50%)."
     )
     hollow = curve(ids=np.array([1, 2, 3]), objectives=np.array([[1.0, 4.0], [4.0, 3.0], [5.0, 0.0]]))
     assert hollow.select(Weights(energy=1.0)).verdict == (
-        "Point 1 of 3 has the least weighted sum, 0, of what objectives give up of their ranges (energy 100%). "
-        "Without a weight, torque decided only between equal sums. No weights at all reach 1 of the points, which lie "
+        "Point 1 of 3 has the least weighted sum, 0, of the objectives as shares of their ranges (energy 100%). "
+        "Without a weight, torque decided only between equal sums. No weights reach 1 of the points, which are "
         "above straight lines between others, among them its neighbour 2; an aspiration can reach them."
     )
 
@@ -92,7 +92,7 @@ def test_the_numbers_of_a_verdict_are_fields_of_the_choice():
 @pytest.mark.parametrize("weight", [-1.0, float("nan"), "1"])
 @pytest.mark.usefixtures("unchecked")
 def test_a_weight_that_is_no_number_from_zero_up_is_refused(weight):
-    with pytest.raises(InvalidInput, match="must be a finite number >= 0 for energy"):
+    with pytest.raises(InvalidInput, match="energy must be a finite number >= 0"):
         Weights(energy=weight)
 
 

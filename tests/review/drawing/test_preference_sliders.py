@@ -101,7 +101,7 @@ def test_a_refused_move_is_explained_and_leaves_nothing_grey(view, tmp_path):
         say(view, "drag", 0.1)
         say(view, kind, 0.1, hold=(1,))
         assert view.sliders.state["kind"] == "refused"
-        assert "not on hold" in view.sliders.state["words"]
+        assert "not in hold" in view.sliders.state["words"]
         assert drawn(view, tmp_path) == [0, 0, 0]
     assert view.choice.id == number
 
