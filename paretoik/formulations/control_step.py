@@ -105,7 +105,7 @@ def check_start(
     distance = float(excess_clearance(task, q))
     if distance <= 0:
         nearest = describe_nearest_obstacle(task, q)
-        raise InvalidInput(f"{name} must be clear of obstacles, got {abs(distance):.3g} m too little from {nearest}")
+        raise InvalidInput(f"{name} must be clear of obstacles, got a posture {abs(distance):.3g} m too near {nearest}")
     return q
 
 
@@ -128,7 +128,7 @@ class ControlStep(Formulation):
     path
         Path, Task or several of them with the same times.
     q
-        Joint positions (dof,) before the step, or also the earlier ones (rows, dof), one step apart, oldest first.
+        Joint positions (dof,) before the step, or with earlier ones (rows, dof), one step apart, oldest first.
     sample
         Sample of the path to which the step leads.
     home

@@ -322,7 +322,7 @@ class DirectionalMaxima(DenseFormulation):
         )
 
     def slider_speeds(self, at: Configuration, torque: np.ndarray) -> np.ndarray:
-        """Return slider speeds (points, directions, 2, dof), in proportion to their highest ones."""
+        """Return the slider speeds (points, directions, 2, dof) that give the joint speeds."""
         return motor_speeds(self.actuation, at.q[:, None], at.front[:, None], torque[:, None], at.dq)[0]
 
     @of_genes

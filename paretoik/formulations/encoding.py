@@ -92,7 +92,7 @@ class Encoding:
     def encode_nearest(self, task: MotionTask, q: JointPaths) -> tuple[Genes, Float[np.ndarray, " motions"]]:
         """Return genes, clipped to their bounds, and their motions' distances from ``q`` [rad, arm's lengths].
 
-        A distance is the largest over joints and samples. Each motion is encoded around the base with the smallest.
+        A distance is the largest over joints and samples. A motion's base is the one with the smallest distance.
         """
         genes, deviation = np.zeros((len(q), len(self.bounds[0]))), np.full(len(q), np.inf)
         for base in range(self.bases):

@@ -64,7 +64,7 @@ def describe_move(
     change = after.objectives[row] - front.objectives[request.row]
     predicted = aim.predicted * aim.ranges * np.where(front.maximised, -1.0, 1.0) * destination.share
     followed, is_new = destination.followed, certificate is not None
-    words = [_moved(front, request, change, predicted, id, is_new), _how(front, request, destination)]
+    words = [_change_text(front, request, change, predicted, id, is_new), _way_text(front, request, destination)]
     if certificate is not None:
         residual, status = float(certificate.criticality[0]), str(certificate.status[0])
         at, between = float(certificate.violation[0]), float(certificate.violation_between[0])
@@ -96,7 +96,7 @@ def describe_move(
     }
 
 
-def _moved(
+def _change_text(
     front: Front, request: NavigationRequest, change: np.ndarray, predicted: np.ndarray, id: int, is_new: bool
 ) -> str:
     """Return every objective's change and the one predicted by exchange rates, as text."""
@@ -115,7 +115,7 @@ def _moved(
     return f"From point {front.ids[request.row]} to {where}: {'; '.join(parts)}."
 
 
-def _how(front: Front, request: NavigationRequest, destination: Destination) -> str:
+def _way_text(front: Front, request: NavigationRequest, destination: Destination) -> str:
     """Return how the point was reached and whether the front jumps, as text."""
     followed, name = destination.followed, front.names[request.improve]
     if destination.arrived and followed is not None:

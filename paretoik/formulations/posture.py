@@ -123,7 +123,7 @@ class Posture(Formulation):
         return self.task.motion(np.repeat(genes[:, None], len(self.task.times), axis=1))
 
     def encode(self, motions: Motion) -> tuple[Genes, np.ndarray]:
-        """Return motions' first postures, clipped to bounds, and how far they moved [rad, m]."""
+        """Return motions' first postures, clipped to bounds, and the distances from these [rad, m]."""
         check_motions(motions, self.task)
         first = np.array(motions.q[:, 0])
         genes = np.clip(first, self.xl, self.xu)

@@ -66,7 +66,7 @@ class ProblemParts:
         return None
 
     def encode(self, motions: Any) -> tuple[Genes, np.ndarray]:
-        """Return genes of motions, and how far the genes' motions are from these. Raises InvalidInput if impossible."""
+        """Return genes of motions, and the distances of the decoded motions. Raises InvalidInput if impossible."""
         raise InvalidInput("initial must be genes, got motions, which this problem cannot encode")
 
     def require_feasible(self) -> None:

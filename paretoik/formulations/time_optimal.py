@@ -134,7 +134,7 @@ class TimeOptimalControl(Method):
 def _joint_motion(
     task: MotionTask, shape: tuple[int, ...], start: np.ndarray, runs: list[TimeOptimalRun | None]
 ) -> ResolvedMotion:
-    """Return the joints' motions that follow the tool in every run, with as many samples as the task."""
+    """Return the joint motions that follow the tool of every run, with as many samples as the task."""
     count, samples, dof = len(runs), len(task.times), task.arm.dof
     shares = np.linspace(0.0, 1.0, samples)
     time = np.tile(task.times, (count, 1))

@@ -260,8 +260,8 @@ class Tracking(Formulation, Differentiable):
     def encode(self, motions: Motion) -> tuple[Genes, Float[np.ndarray, " points"]]:
         """Return the genes nearest to motions on the path, and their motions' distances [rad, arm's length].
 
-        A distance is the largest over joints and samples. Each motion is encoded around the base with the smallest. If
-        that is large, use the motion itself.
+        A distance is the largest over joints and samples. A motion's base is the one with the smallest distance. If it
+        is large, use the motion itself.
         """
         check_motions(motions, self.task)
         motions = without_added_samples(self.task, motions)

@@ -90,7 +90,7 @@ class Search:
 
     - ``archive``: all non-dominated points so far
     - ``generation``: number of completed generations, which is the index of the current one
-    - ``evaluations``: number of evaluations in completed generations, with failed ones
+    - ``evaluations``: number of evaluations in completed generations, including failed ones
     - ``population``: minimised objectives (individuals, n_obj) of the population, inf for failed individuals
 
     Raises InvalidInput, with name and value, for an invalid size, seed, bound or initial gene.

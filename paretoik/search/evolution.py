@@ -92,7 +92,7 @@ class EvaluationOptions:
     """Settings of evaluation.
 
     seconds: approximate time [s] between journal entries within a generation; the least is half of it
-    rows: number of rows per task of a worker if a problem evaluates many at once, for any number of workers
+    rows: number of rows per task of a worker if a problem evaluates many at once; the same for any number of workers
     """
 
     seconds: float = 0.5
@@ -209,7 +209,7 @@ def _joined(parts: Sequence[Values]) -> Values:
 
 
 def _evaluate_here(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[Values]:
-    """Yield the outcome of rows: all at once, or in groups that take the time of an entry."""
+    """Yield the outcome of rows: all at once, or in groups that take limited time."""
     size = 1 if evaluation.is_row_by_row else max(len(X), 1)
     while len(rows):
         begin, part = time.monotonic(), rows[:size]

@@ -170,7 +170,8 @@ def check_bounds(problem: Any, *, initial: Any = None) -> None:
         if bound is None:
             if initial is None:
                 raise InvalidInput(
-                    f"problem.{name} must have one bound per gene ({problem.n_var}), got none; give it or initial genes"
+                    f"problem.{name} must have one bound per gene ({problem.n_var}), got none; give bounds or initial "
+                    "genes"
                 )
             continue
         if not isinstance(bound, np.ndarray) or bound.shape != (problem.n_var,):

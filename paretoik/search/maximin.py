@@ -2,7 +2,7 @@
 
 Distances are Euclidean in objectives normalised by the ideal and nadir of the feasible first rank (selection: Marcos et
 al. 2012). The distance at which a point is selected is its insertion distance; the starting points have inf. It depends
-on the order: on an evenly spaced front, too, the half that is selected first has twice the distance of the other half.
+on the order: on an evenly spaced front the half that is selected first has twice the distance of the other half.
 Tournaments therefore compare the spacing: the sum of a survivor's distances to its n_obj nearest neighbours of the same
 rank. MaxiMin gives an even spread at low cost; it does not maximise hypervolume. Above five objectives almost every
 point is non-dominated and distances mean little: use NSGA-III, or limit the region with ``ranges``.
@@ -286,10 +286,10 @@ def _by_maximin(Z: Floats, ranks: Integers, is_beyond: Mask, count: int) -> tupl
 
 
 def _with_species(chosen: Integers, distance: Floats, ranks: Integers, species: Integers) -> tuple[Integers, Floats]:
-    """Return a choice with more points of rare species.
+    """Return the choice, changed so that rare species have places.
 
-    At most half of the places are shared equally by all species. A species' best points take the places of points of
-    abundant species, last chosen first.
+    All species share half of the places equally. The best points of rare species replace those points of abundant
+    species that were chosen last.
     """
     quota = chosen.size // 2
     best_first = np.lexsort((np.arange(len(ranks)), ranks))

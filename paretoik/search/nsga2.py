@@ -277,7 +277,9 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
         if len(first) > self.pop_size:
             raise InvalidInput(f"sampling must have at most {self.pop_size} individuals, got {len(first)}")
         if len(first) < self.pop_size and sampling is None:
-            raise InvalidInput(f"sampling must have all {self.pop_size} individuals, got {len(first)}: pymoo adds none")
+            raise InvalidInput(
+                f"sampling must have all {self.pop_size} individuals, got {len(first)}: pymoo cannot sample such genes"
+            )
         for attempt in range(11):
             if len(first) < self.pop_size:
                 more = sampling.do(self.problem, self.pop_size - len(first), random_state=self.random_state)

@@ -85,7 +85,7 @@ def whole(motion):
         ({"start": [4.0, 0.0, 0.0], "limits": pk.Limits(position=3.0)}, "start: .* must be from -3 to 3, got 4"),
         (
             {"obstacles": [pk.obstacles.Circle([1.2, 0.5], 1.0)]},
-            "start must be clear of obstacles, got .* m too little from obstacle 1 of 1",
+            "start must be clear of obstacles, got a posture .* m too near obstacle 1 of 1",
         ),
         ({"limits": pk.Limits(torque=3.0)}, "limits in a closed loop must be on position, .*, got torque"),
         ({"objectives": [elbow, whole]}, "objective whole must be of form integral or peak, .* whole motion"),
