@@ -122,7 +122,7 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
         return Seeded(None)
 
     def check_genes(self, name: str, X: object, *dimensions: int) -> Genes:
-        """Return genes as a finite array with one of the ``dimensions``. Raises InvalidInput, with ``name``."""
+        """Return genes as a finite array, its ndim among ``dimensions``. Raises InvalidInput, with ``name``."""
         genes = finite_array(name, X)
         if genes.ndim not in dimensions or genes.shape[-1] != self.n_var:
             raise InvalidInput(f"{name} must be rows of {self.n_var} genes, got shape {genes.shape}")

@@ -154,7 +154,7 @@ def find_initial_paths(
 def _follow_lines(
     arm: Arm, actuation: Actuation, start: np.ndarray, target: np.ndarray, samples: int, rng: np.random.Generator
 ) -> tuple[MotionTask, Float[np.ndarray, "found time dof"]]:
-    """Return the task of the first line that can be followed, and motions along it; straight lines come first."""
+    """Return the task of the first line that can be followed, straight before curved, and motions along it."""
     lines = [line(start, target, duration=1.0, samples=samples, timing="uniform")]
     sideways = np.linalg.svd((target - start)[None])[2][1:] * np.linalg.norm(target - start)
     for bow in PATHS.bows:

@@ -241,7 +241,7 @@ def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"
 def _checked_parameters(
     method: Method, parameters: Sequence[str | Parameter] | None, times: np.ndarray
 ) -> tuple[Parameter, ...]:
-    """Return the parameters to search. Raises InvalidInput for unknown names, fields set twice, and an empty list."""
+    """Return the parameters to tune. Raises InvalidInput for unknown names, fields set twice, and an empty list."""
     by_name = {each.name: each for each in (*method.parameters(times), START)}
     if isinstance(parameters, str | Parameter) or not isinstance(parameters, Sequence | None):
         raise InvalidInput(f"parameters must be a list of names and Parameters, got {shown(parameters)}")
