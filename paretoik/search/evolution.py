@@ -304,7 +304,7 @@ def evolve(
             search.tell(ids, outcome["F"], outcome["G"], H=outcome["H"], causes=causes)
             if candidates.generation == 0 and search.failed.count == len(ids):
                 raise EvaluationFailed(
-                    f"first generation must have a successful evaluation, got {len(ids)} failed ones, "
+                    f"first generation must have a successful evaluation, got {len(ids)} failed evaluations, "
                     f"the first with: {search.failed.first_cause}"
                 )
             if candidates.generation == 0:
