@@ -1,4 +1,4 @@
-"""The closed loop: search, choose and step at every sample.
+"""The closed loop: search a front, choose a point and move, at every sample.
 
 Source: Marcos et al. 2012.
 """
@@ -64,35 +64,35 @@ def mean_position_error(motion: AnyMotion) -> AnyValues:
 class ClosedLoopRun:
     """Result of a closed loop: its motion and every step's choice."""
 
-    loop: ClosedLoop  # loop that was followed
-    q: Float[np.ndarray, "time dof"]  # joint positions, which end early if the loop was stopped early
-    F: Objectives  # objectives of the choices (steps, n_obj), minimised
-    ranges: Float[np.ndarray, "steps n_obj 2"]  # smallest and largest objectives on the front of each step
-    fronts: Mapping[int, StepRecord]  # records of the requested steps by sample, some with their generations
+    loop: ClosedLoop  # loop that was run
+    q: Float[np.ndarray, "time dof"]  # joint positions up to the last step
+    F: Objectives  # objectives of the chosen points (steps, n_obj), minimised
+    ranges: Float[np.ndarray, "steps n_obj 2"]  # least and largest value of each objective on each step's front
+    fronts: Mapping[int, StepRecord]  # records of requested steps, by sample
 
     @cached_property
     def task(self) -> MotionTask:
-        """The task up to the last step that was taken."""
+        """The task up to the last step."""
         return self.loop.task.truncate(len(self.q))
 
     @cached_property
     def motion(self) -> Motion:
-        """The motion, on its samples."""
+        """The motion up to the last step."""
         return self.task.motion(self.q)
 
     @cached_property
     def position_error(self) -> float:
-        """Mean over the steps of the tool's distance [m] from its target (Eq. 23)."""
+        """Mean distance [m] of the tool from its target over the steps (Eq. 23)."""
         return float(mean_position_error(self.motion))
 
     @cached_property
     def drift(self) -> float:
-        """Distance between last and first configuration, per joint [rad] (Eq. 25)."""
+        """Distance between first and last joint positions, divided by dof [rad] (Eq. 25)."""
         return float(joint_drift(self.motion))
 
     @property
     def values(self) -> Objectives:
-        """Objectives of the choices (steps, n_obj), in their own sign."""
+        """Objectives of the chosen points (steps, n_obj), in the user's sign."""
         return self.F * self.loop.signs
 
     def front(self, provenance: Mapping[str, Any]) -> Front:
@@ -117,7 +117,7 @@ class ClosedLoopRun:
 
 
 def explain_choice(front: Front) -> Choice:
-    """Return the motion of a closed loop's front as a choice. The reason explains how the steps were chosen."""
+    """Return a closed loop's one motion as a choice. Its reason says how points were chosen."""
     weights = ", ".join(f"{name} {weight:.0%}" for name, weight in front.provenance["settings"]["weights"].items())
     means = [front.quantity(axis, value) for axis, value in enumerate(front.objectives[0])]
     error = f"{front.provenance['position_error']:.4g} m"
@@ -136,7 +136,7 @@ def explain_choice(front: Front) -> Choice:
 def normalise_weights(
     weights: Weights | Sequence[float] | np.ndarray | None, names: tuple[str, ...]
 ) -> Float[np.ndarray, " n_obj"]:
-    """Return weights in the order of the names, with sum 1; None means equal. Raises InvalidInput."""
+    """Return weights in the order of ``names``, scaled to sum 1; None: equal. Raises InvalidInput."""
     if isinstance(weights, Weights):
         unknown = [name for name in weights.weights if name not in names]
         if unknown:
@@ -153,7 +153,7 @@ ASKED_BY_PYMOO = ("vars", "vtype", "xl", "xu", "bounds", "has_bounds", "n_ieq_co
 
 
 class ClosedLoop:
-    """Follow ``path`` with ``arm`` step by step: search, then choose by weights.
+    """Follow ``path`` with ``arm``: each step searches a front and chooses by weights.
 
     ``solve`` follows the path and returns the motion as a front of one point. Each of its objectives is the mean over
     the steps. ``front.select`` follows the path again with other weights.
@@ -170,17 +170,17 @@ class ClosedLoop:
     weights
         Weights of the choice, or one number per objective, scaled to a sum of 1 (Eqs. 19 and 20); None: equal.
     start
-        Joint positions (dof,) in which the loop begins; None: OLGA (section 4.2) searches for them when needed.
+        Joint positions (dof,) at the start; None: the open-loop genetic algorithm (section 4.2) finds them.
     obstacles
-        Obstacles that the links stay clear of all the way, by ``limits.clearance``.
+        Obstacles from which links keep the distance ``limits.clearance``, also between samples.
     link_radius
         Radius [m] of the links, which are capsules.
     limits
-        Limits on position and velocity that every step satisfies, and the clearance. Other limits are refused. The
-        arm's own torque limits are not enforced, but the result reports how far they are violated.
+        Limits on position, velocity and clearance; other limits are refused. The arm's own torque limits are not
+        enforced, but the result reports how far they are violated.
     longest_step
-        Largest move of a joint in one step [rad, m]. np.inf is the paper's reading: steps of any length that are clear
-        of obstacles at their end only; the arm may then jump through an obstacle.
+        Largest move of a joint in one step [rad, m]. With np.inf, as in the paper, steps have any length and only their
+        ends are clear of obstacles: the arm may jump through an obstacle.
     warm_start
         Flag: True begins a search with the population of the last step, False with a random one, as the paper does.
     population
@@ -197,7 +197,7 @@ class ClosedLoop:
     """
 
     timeline: Timeline = "step"
-    search_attributes = ("weights", "_given_start", "population", "generations", "seed")  # ``changed`` changes them
+    search_attributes = ("weights", "_given_start", "population", "generations", "seed")  # ``changed`` can set them
     _repr_html_ = html_representation
 
     def __init__(
@@ -268,7 +268,7 @@ class ClosedLoop:
         return other
 
     def _set(self, weights: Any, start: Any, population: int, generations: int, seed: int) -> None:
-        """Check and take the settings that ``changed`` can change."""
+        """Check and store the settings that ``changed`` can change."""
         check_size("population", population, SMALLEST_POPULATION)
         check_size("generations", generations, 1)
         check_seed("seed", seed)
@@ -278,7 +278,7 @@ class ClosedLoop:
 
     @cached_property
     def start(self) -> Float[np.ndarray, " dof"]:
-        """Joint positions at the beginning: given, or found. Raises Infeasible if all postures collide."""
+        """Joint positions at the start, given or found. Raises Infeasible if all postures collide."""
         return search_start(self.task, seed=self.seed) if self._given_start is None else self._given_start
 
     @property
@@ -292,16 +292,16 @@ class ClosedLoop:
         return self.task.redundancy * (self.task.arm.dof + 1)
 
     def __getattr__(self, name: str) -> Any:
-        """Raise InvalidInput for attributes of pymoo problems. A loop has a search at every step."""
+        """Raise InvalidInput for attributes of pymoo problems, which a loop does not have."""
         if name in ASKED_BY_PYMOO:
             self.evaluate()
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def evaluate(self, *args: object, **kwargs: object) -> NoReturn:
-        """Raise InvalidInput with a message that says what to use."""
+        """Raise InvalidInput, which says what to use instead."""
         raise InvalidInput(
-            "problem must be one search, got a ClosedLoop: pk.solve(loop) follows it, loop.control_step(k) is the "
-            "pymoo problem of step k"
+            "problem must be a pymoo problem, got a ClosedLoop; use pk.solve(loop), or loop.control_step(k), the pymoo "
+            "problem of step k"
         )
 
     @cached_property
@@ -313,7 +313,7 @@ class ClosedLoop:
     def control_step(self, sample: int, history: np.ndarray | None = None) -> ControlStep:
         """Return the step to a sample as a pymoo problem.
 
-        ``history``: joint positions (rows, dof) before the step, the present ones last; None: at rest in the start.
+        ``history``: joint positions (rows, dof) before the step, the latest last; None: at rest at the start.
         Raises InvalidInput and Infeasible as ``ControlStep`` does.
         """
         task = self.task
@@ -331,12 +331,12 @@ class ClosedLoop:
         )
 
     def step_state(self, sample: int, history: Float[np.ndarray, "history dof"] | None = None) -> StepState:
-        """Return the state before the step to a sample. ``history`` is that of ``control_step``."""
+        """Return the state before the step to a sample. ``history``: as in ``control_step``."""
         before = np.tile(self.start, (HISTORY, 1)) if history is None else history
         return state_before(self.task, sample, before, home=self.start, longest=self.longest)
 
     def step_evolution(self) -> StepEvolution:
-        """Return the compiled search of the steps; each thread needs its own."""
+        """Return the compiled search of a step; each thread needs its own."""
         return StepEvolution(
             programs=self.programs,
             redundancy=self.task.redundancy,
@@ -348,7 +348,7 @@ class ClosedLoop:
         )
 
     def prepare(self) -> None:
-        """Search for the start and compile the search before the first step."""
+        """Find the start and compile the search, before the first step."""
         search = self.step_evolution()
         search.generations = 1
         search(self.step_state(1))
@@ -390,12 +390,12 @@ class ClosedLoop:
         observe
             Function that is called with every step.
         should_stop
-            Function that ends the loop if it returns True after a step, the second at the earliest.
+            Function that ends the loop if it returns True after a step; it is not called after the first one.
 
         Raises
         ------
         InvalidInput
-            For samples that the path does not have.
+            If a step of ``record_steps`` does not exist.
         Infeasible
             As ``steps`` does.
         """
@@ -415,9 +415,9 @@ class ClosedLoop:
         return ClosedLoopRun(loop=self, q=np.array(q), F=np.array(F), ranges=np.array(ranges), fronts=records)
 
     def select(self, front: Front, preference: Preference) -> Choice:
-        """Return the motion with these weights at every step, else with the settings of ``front``.
+        """Return the motion for other weights; the other settings are those of ``front``.
 
-        Raises InvalidInput for any other preference, and as ``run`` does.
+        Raises InvalidInput if the preference is not Weights, and as ``run`` does.
         """
         other = self.reweigh(front, preference)
         if other is not None:
@@ -425,7 +425,7 @@ class ClosedLoop:
         return explain_choice(front)
 
     def reweigh(self, front: Front, preference: Preference) -> ClosedLoop | None:
-        """Return the loop of ``front`` with other weights. None if the weights are the same."""
+        """Return the loop of ``front`` with other weights; None if they are the same."""
         if not isinstance(preference, Weights):
             raise InvalidInput(f"select: preference must be Weights for a closed loop, got {shown(preference)}")
         weights, settings = normalise_weights(preference, self.names), dict(front.provenance.get("settings", {}))

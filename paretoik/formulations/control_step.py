@@ -1,6 +1,6 @@
 """One step of a closed loop as a pymoo problem.
 
-The search is for rows that extend the Jacobian to a square matrix. ``ClosedLoop`` takes such steps one after the other
+The unknowns are rows that extend the Jacobian to a square matrix. ``ClosedLoop`` takes such steps one after the other
 with a compiled search. Source: Marcos et al. 2012, section 4.1.
 """
 
@@ -45,7 +45,7 @@ from paretoik.task.validation import motion_task
 
 
 def check_objectives(objectives: Sequence[StepObjective | Objective]) -> tuple[StepObjective, ...]:
-    """Return objectives of a step. Raises InvalidInput for anything else, and for names that repeat."""
+    """Return the objectives of a step. Raises InvalidInput for other objects and repeated names."""
     if not isinstance(objectives, Sequence):
         raise InvalidInput(f"objectives must be a list, got {shown(objectives)}")
     if not objectives:
@@ -81,7 +81,7 @@ def read_steps(record_steps: object) -> tuple[Any, ...]:
 
 
 def check_steps(record_steps: Sequence[int], last: int) -> frozenset[int]:
-    """Return the steps of a loop to record. Raises InvalidInput if they are not from 1 to the last."""
+    """Return the steps of a loop to record. Raises InvalidInput if one is not from 1 to ``last``."""
     for step in read_steps(record_steps):
         check_size("record_steps", step, 1)
         if step > last:
@@ -92,7 +92,7 @@ def check_steps(record_steps: Sequence[int], last: int) -> frozenset[int]:
 def check_start(
     task: MotionTask, start: Sequence[float] | np.ndarray, *, name: str = "start"
 ) -> Float[np.ndarray, " dof"]:
-    """Return joint positions to begin in. Raises InvalidInput if they exceed a limit or collide with an obstacle."""
+    """Return the joint positions at the start. Raises InvalidInput if they exceed a limit or the clearance."""
     q: np.ndarray = finite_array(name, start, shape=(task.arm.dof,))
     lower, upper = task.arm.position_limits.T
     tolerance = OPTIONS.bound_tolerance
@@ -105,7 +105,7 @@ def check_start(
     distance = float(excess_clearance(task, q))
     if distance <= 0:
         nearest = describe_nearest_obstacle(task, q)
-        raise InvalidInput(f"{name}: must be clear of obstacles, got {distance:.3g} m from {nearest}")
+        raise InvalidInput(f"{name} must be clear of obstacles, got a posture {abs(distance):.3g} m too near {nearest}")
     return q
 
 
@@ -113,13 +113,13 @@ def check_start(
 
 
 class ControlStep(Formulation):
-    """Search the next joint positions on ``path``: a vectorised pymoo problem.
+    """Find the next joint positions on ``path``: a vectorised pymoo problem.
 
     An individual is the matrix (J*, Δx*) that extends Δx = J Δq to a square system (Eqs. 7 to 13), so that every step
-    reaches its target to first order. Its genes are within ±1. A step with too much self-motion is shortened until its
-    joints are within their bounds. ``pk.solve(step)`` runs the paper's search; any other pymoo algorithm works too.
-    ``loop.control_step(k)`` is the step of a ``ClosedLoop`` to sample k. The motions of its fronts are the last three
-    joint positions and the next ones: ``front.motions.q[:, -1]``.
+    reaches its target to first order. Its genes are within ±1. If a step exceeds the joints' bounds, its self-motion is
+    reduced. ``pk.solve(step)`` runs the paper's search; any other pymoo algorithm works too. ``loop.control_step(k)``
+    is the step of a ``ClosedLoop`` to sample k. Motions of a front have four samples: the last three joint positions
+    and the next ones, ``front.motions.q[:, -1]``.
 
     Parameters
     ----------
@@ -128,11 +128,11 @@ class ControlStep(Formulation):
     path
         Path, Task or several of them with the same times.
     q
-        Joint positions (dof,) in which the step begins, or the last ones (rows, dof), one step apart.
+        Joint positions (dof,) before the step, or with earlier ones (rows, dof), one step apart, oldest first.
     sample
         Sample of the path to which the step leads.
     home
-        Joint positions (dof,) in which the loop began; None: the first of ``q``.
+        Joint positions (dof,) at the start of the loop; None: the first of ``q``.
     objectives
         Objectives of a step, any number, as in ``ClosedLoop``.
     obstacles
@@ -211,15 +211,15 @@ class ControlStep(Formulation):
         super().__init__(-bounds, bounds)
         if reachable_share(self.state)[0] < 1.0:
             raise Infeasible(explain_no_step(self.state))
-        self._score((history[-1] + shortest)[None])  # to raise the errors of the objectives now
+        self._score((history[-1] + shortest)[None])  # raises errors of the objectives before any search
 
     def positions(self, genes: Genes) -> Float[np.ndarray, "points dof"]:
-        """Return the joint positions after steps. NaN if the extended Jacobian is singular."""
+        """Return the joint positions after steps; NaN if an extended Jacobian is singular."""
         return self.state.shorten(self.state.decode(genes))
 
     @of_genes
     def decode(self, genes: Genes) -> Motion:
-        """Return the motions (points, 4, dof) of genes. They end in the joint positions after the step."""
+        """Return the motions (points, 4, dof) of genes, which end with the step."""
         return self.state.motions(self.positions(genes))
 
     def algorithm(
@@ -240,7 +240,7 @@ class ControlStep(Formulation):
         )
 
     def redraw(self, genes: Genes, rng: np.random.Generator) -> Genes:
-        """Replace inadmissible chromosomes by random ones (section 5.2); return the genes."""
+        """Return genes with random chromosomes in place of inadmissible ones (section 5.2)."""
         genes = np.array(genes, dtype=float)
         for _ in range(OPTIONS.max_redraws):
             inadmissible = np.flatnonzero(~self.state.is_admissible(self.positions(genes)))
@@ -269,9 +269,9 @@ class ControlStep(Formulation):
         F, excess = np.full((len(X), self.n_obj), np.inf), np.full((len(X), self.n_ieq_constr), 1.0)
         F[usable] = self._score(steps := q[usable])
         columns = []
-        if self.state.bounded:  # [rad, m] over the bounds
+        if self.state.bounded:  # excess over the bounds [rad, m]
             columns.append(self.state.excess_over_bounds(steps))
-        if self.task.obstacles:  # [m] of missing clearance
+        if self.task.obstacles:  # missing clearance [m]
             left = self.state.clearance_left(steps)
             columns.append(np.where(left > 0, -left, np.maximum(-left, np.finfo(float).tiny)))
         if columns:
@@ -280,7 +280,7 @@ class ControlStep(Formulation):
 
 
 class AdmissibleChromosomes(Seeded):
-    """Return the ``initial`` genes, if any, and random genes with admissible steps."""
+    """The ``initial`` genes, if any, then random genes with admissible steps."""
 
     def _do(self, problem: Any, n_samples: int, *, random_state: np.random.Generator, **kwargs: Any) -> Genes:
         genes = super()._do(problem, n_samples, random_state=random_state)
@@ -290,9 +290,9 @@ class AdmissibleChromosomes(Seeded):
 
 
 class ReplaceInadmissible(Repair):  # type: ignore[misc]  # pymoo is not typed
-    """Replace each chromosome with an inadmissible step (section 5.2). The new chromosome is random."""
+    """Repair by random chromosomes in place of inadmissible ones (section 5.2)."""
 
     def do(self, problem: Any, pop: Population, *, random_state: np.random.Generator, **kwargs: object) -> Population:
-        """Return the population with inadmissible chromosomes replaced."""
+        """Return the population without inadmissible chromosomes."""
         pop.set("X", problem.redraw(pop.get("X"), random_state))
         return pop

@@ -1,4 +1,4 @@
-"""Formulations with a small, dense program, for motors or sliders."""
+"""Formulations with a small, dense nonlinear program, for motors or sliders."""
 
 from __future__ import annotations
 
@@ -53,10 +53,10 @@ def function_task(
 
 
 def read_times(task: MotionTask, motions: Motion) -> bool:
-    """Return whether a function of motions changes if a part takes longer.
+    """Return whether an objective or constraint depends on the times of motions.
 
-    The functions are the objectives and constraints. A function such as a limit on rates may not change at the motions'
-    own pace: other paces are tried too. Raises EvaluationFailed if functions have no values.
+    Several paces are tried: a limit on rates may be constant at the motions' own pace. Raises EvaluationFailed if
+    functions have no values.
     """
     require_values(task, motions)
     shares = motions.time / motions.duration[:, None]
@@ -74,13 +74,13 @@ def read_times(task: MotionTask, motions: Motion) -> bool:
 class WholeProgram:
     """The rows and costs of a formulation, with users' functions.
 
-    intervals: indices of the unknown intervals, in units of ``pace``, if motions have their own times
+    intervals: indices of the unknowns that are intervals of time; empty if motions share their times
     """
 
     base: AssembledRows  # rows without users' functions
     base_costs: Float[np.ndarray, "objectives unknowns"]  # costs without users' functions
     task: MotionTask  # task with users' functions
-    near: Motion  # some of the motions
+    near: Motion  # sample of the motions
     lanes: LanesOf  # map from the unknowns to motions
     intervals: Int[np.ndarray, " intervals"]
     pace: float = 1.0  # unit of the intervals [s]
@@ -119,8 +119,8 @@ class WholeProgram:
 class DenseFormulation(Formulation, Differentiable):
     """A pymoo problem with a ``DenseProgram``.
 
-    The first gene selects one of ``base_count`` bases. ``functions`` is a task with the user's own objectives and
-    constraints.
+    The first gene selects one of ``base_count`` bases: postures or paths. ``functions`` is a task with the user's
+    objectives and constraints.
     """
 
     constraint_units: tuple[str, ...]
@@ -132,7 +132,7 @@ class DenseFormulation(Formulation, Differentiable):
     @cached_property
     @abstractmethod
     def whole_program(self) -> WholeProgram:
-        """Rows and costs of the program, with users' functions among them."""
+        """Rows and costs of the program, with those of users' functions."""
 
     @abstractmethod
     def decode(self, genes: Genes) -> Motion:
@@ -148,18 +148,18 @@ class DenseFormulation(Formulation, Differentiable):
         return DenseProgram(rows=whole.rows, costs=whole.costs / divisors[:, None], objective_names=self.names)
 
     def add_functions(self, task: MotionTask) -> None:
-        """Append the objectives and constraints of a task. Raises InvalidInput for a name that is taken."""
+        """Append the objectives and constraints of a task. Raises InvalidInput if a name is taken."""
         taken = (*self.names, *self.constraint_names)
         added = [*(each.name for each in task.objectives), *task.limit_names]
         for name in (name for name in added if name in taken):
-            raise InvalidInput(f"{name}: functions must have names other than {', '.join(taken)}, got {name}")
+            raise InvalidInput(f"functions must have names other than {', '.join(taken)}, got {name}")
         self.functions = task
         self.add_objectives(task.objectives)
         self.constraint_names += task.limit_names
         self.constraint_units += ("of its range",) * len(task.limit_names)
 
     def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
-        """Return the violation between samples; 0 without samples."""
+        """Return the violation between samples, which is 0 if motions stand still."""
         return np.zeros(len(genes))
 
     def front_points(self, front: Front) -> Points:
@@ -180,15 +180,15 @@ class DenseFormulation(Formulation, Differentiable):
         solver: Solver = "auto",
         observe: Observe | None = None,
     ) -> tuple[Points, Sequence[Program]]:
-        """Return the points as they are, and their program."""
+        """Return the points unchanged, and their programs."""
         return x, [self.program()] * len(x)
 
     def individuals(self, x: Points, genes: Genes | None = None) -> Individuals:
-        """Return points as individuals; a point whose genes miss its objectives is replaced by theirs."""
+        """Return points as individuals; genes replace a point if their objectives differ from its own."""
         rows = self.genes(x) if genes is None else genes
         F, G = self.evaluate(rows, return_values_of=["F", "G"])
         objectives = np.array([self.program().evaluate(one)[0] for one in x])
-        tolerance = 1e-6 * np.abs(objectives).max(axis=0, initial=0.0)  # of an objective's size over all points
+        tolerance = 1e-6 * np.abs(objectives).max(axis=0, initial=0.0)  # share of an objective's largest magnitude
         deviates = (np.abs(F - objectives) > tolerance).any(axis=1)
         return Individuals(
             x=np.where(deviates[:, None], self.points(rows), x),
@@ -199,7 +199,7 @@ class DenseFormulation(Formulation, Differentiable):
         )
 
     def values_between(self, front: Front, shares: Values) -> Float[np.ndarray, "gaps shares n_obj"]:
-        """Return minimised objectives between neighbours of a front. inf if a point is impossible."""
+        """Return minimised objectives between consecutive points of a front; inf if impossible."""
         x = self.front_points(front)
         between = x[:-1, None] + shares[:, None] * np.diff(x, axis=0)[:, None]
         F, G = self.evaluate(self.genes(between.reshape(-1, x.shape[1])), return_values_of=["F", "G"])
@@ -216,7 +216,7 @@ class DenseFormulation(Formulation, Differentiable):
     def cold_search(
         self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> StartSearch:
-        """Return the search for optima from ``starts`` starts, 48 if None, that the motors can hold."""
+        """Return the search for optima from ``starts`` starts (None: 48) that motors can hold."""
         starts, rng = COLD.starts if starts is None else starts, np.random.default_rng(seed)
         x = self.points(self.sample_starts(starts, rng))
         for _ in range(10):
@@ -227,7 +227,7 @@ class DenseFormulation(Formulation, Differentiable):
         return StartSearch(program_of=self.program, starts=x, names=self.names, solver=solver, observe=observe)
 
     def explain(self, genes: Genes) -> list[str]:
-        """Return each individual's most violated limit with its unit, or ""."""
+        """Return each individual's most violated limit, with number and unit; "" if it is feasible."""
         G = self.evaluate(genes, return_values_of=["G"])
         return [
             f"{self.constraint_names[k]} violated by {row[k]:.3g} {self.constraint_units[k]}".rstrip()
@@ -238,7 +238,7 @@ class DenseFormulation(Formulation, Differentiable):
 
 
 def front_sliders(actuation: Actuation, shares: np.ndarray) -> np.ndarray:
-    """Return front sliders [m] at shares (..., dof) of their range. 0 if motors are at the joints."""
+    """Return positions [m] of front sliders at shares (..., dof) of their range; 0 without sliders."""
     if not isinstance(actuation, DistributedActuation):
         return np.zeros((*shares.shape[:-1], actuation.dof))
     low, high = actuation.front_bounds.T

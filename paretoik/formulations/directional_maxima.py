@@ -1,7 +1,7 @@
 """Trade-offs between speeds or forces in several directions, as a pymoo problem.
 
-An individual is a posture at the position, the sliders, and how joints share the work in every direction. All are
-checked against the motors' curves at once.
+An individual has a posture of the arm, positions of the sliders, and joint velocities for each direction. All
+individuals are checked against the motors' curves at once.
 
 Sources: Kim, Choi & Jang 2021, Eq. 1, maximises one direction at a time, each with its own posture. New here: one
 posture serves several directions, power is weighed against speed, and speed against force. Chiu, Task Compatibility of
@@ -61,8 +61,8 @@ class Configuration:
     """Decoded genes: postures, sliders, and speeds or forces per direction."""
 
     q: Float[np.ndarray, "points dof"]  # rad, m
-    front: Float[np.ndarray, "points dof"]  # m: front sliders; 0 without sliders
-    values: Float[np.ndarray, "points directions"]  # m/s or N; inf if no joint has to bear a force
+    front: Float[np.ndarray, "points dof"]  # m: positions of front sliders; 0 without sliders
+    values: Float[np.ndarray, "points directions"]  # m/s or N; inf if a force loads no joint
     dq: Float[np.ndarray, "points speeds dof"]  # rad/s, m/s: joint velocities for the speeds
     power: Float[np.ndarray, "points speeds"]  # W: power that the joints need for the speeds
     excess: Float[np.ndarray, "points limits"]  # violations in the units of ``constraint_units``
@@ -70,9 +70,9 @@ class Configuration:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Maxima:
-    """Highest speeds and forces of postures, and the quantities behind them."""
+    """Highest speeds and forces of postures, with the joint quantities that give them."""
 
-    values: Float[np.ndarray, "points directions"]  # m/s or N; inf if no joint has to bear a force
+    values: Float[np.ndarray, "points directions"]  # m/s or N; inf if a force loads no joint
     dq: Float[np.ndarray, "points speeds dof"]  # rad/s, m/s: joint velocities for the speeds
     torque: Float[np.ndarray, "points dof"]  # torques that hold the arm
     low: Float[np.ndarray, "points dof"]  # lowest joint speeds; 0 if a motor cannot hold the arm
@@ -89,8 +89,8 @@ class Maxima:
 class GeneRanges:
     """Ranges of the genes."""
 
-    self_motion: float = 1.0  # rad or m, from the base along each direction of self-motion
-    speed: float = 1.0  # share of the mean range of joint speeds, along the self-motion
+    self_motion: float = 1.0  # rad or m: distance from the base along each direction of self-motion
+    speed: float = 1.0  # speed along the self-motion, as a share of the mean range of joint speeds
 
 
 RANGES = GeneRanges()
@@ -101,17 +101,17 @@ UNITS: dict[Quantity, str] = {"velocity": "m/s", "force": "N"}
 class DirectionalMaxima(DenseFormulation):
     """Find postures that are fast or strong along directions: a pymoo problem.
 
-    The postures include sliders, if any. The problem is vectorised.
+    A posture includes the positions of sliders, if any. The problem is vectorised.
 
     Objectives:
 
-    - ``speed_1``, ``speed_2``, ...: the tool's highest speed along each direction [m/s], maximised, or ``force_1``,
-      ...: its greatest push at rest [N], maximised; all from one posture with fixed sliders
-    - ``joint_power`` with ``power``: the sum of the power that joints give or take at these speeds, without signs [W]
+    - ``speed_1``, ...: the tool's highest speed along each direction [m/s], maximised
+    - ``force_1``, ...: the tool's greatest force at rest along each direction [N], maximised
+    - ``joint_power``, if ``power``: sum of the joints' absolute power [W], the largest over directions
     - the user's own
 
-    ``pk.refine`` refines them by exact gradients over posture, sliders and speeds. The motions of its fronts stand
-    still in their postures. If a posture stretches the arm along a direction, forces along it have no bounds.
+    ``pk.refine`` refines fronts by exact gradients over posture, sliders and speeds. Their motions stand still in the
+    postures. If the arm is stretched along a direction, forces along it have no bounds.
 
     Parameters
     ----------
@@ -122,26 +122,25 @@ class DirectionalMaxima(DenseFormulation):
     position
         Position of the tool (task,) [m], as in ``directional_maxima``.
     directions
-        Vectors (directions, task), or a number of directions, at least one, spread evenly around the circle or sphere.
+        Vectors (directions, task), or the number of directions, spread evenly over the circle or sphere.
     quantity
-        Quantity "velocity" or "force", or a list with one per direction: fast postures are weak.
+        Quantity along all directions, "velocity" or "force", or a list with one per direction.
     power
-        Flag: whether power is an objective; None: if there are speeds, since forces at rest take no power.
+        Flag: whether power is an objective; None: True if there are speeds (forces at rest take no power).
     objectives
-        Functions of the user decorated with ``@objective``, of any form. They see the motion of the front: three
-        samples of an arm that stands in its posture for one second. Velocities are 0, torques are those of gravity, and
-        an integral or mean over time is that of one second.
+        User's functions decorated with ``@objective``, of any form. Their motions have three samples: the arm stands
+        in its posture for one second. Velocities are 0, and torques are those of gravity.
     constraints
-        Functions of the user decorated with ``@constraint``, of any form; they see the same motion.
+        User's functions decorated with ``@constraint``, of any form; their motions are the same.
     starts
-        Number of sampled postures from which bases are chosen; part of the problem.
+        Number of sampled postures from which bases are chosen; genes depend on it.
     seed
-        Seed of the sampled postures; part of the problem.
+        Seed of the sampled postures; genes depend on it.
 
     Notes
     -----
-    Genes: number of the base, self-motion about it, position of each front slider as a share of its range, pace of each
-    speed as a share of the highest, and how much joints move along the self-motion at that speed.
+    Genes: the base, the self-motion from it, the position of each front slider as a share of its range, each speed as a
+    share of the highest, and the joint velocities along the self-motion at that speed.
 
     Raises
     ------
@@ -179,7 +178,7 @@ class DirectionalMaxima(DenseFormulation):
         if power is not None:
             check_flag("power", power)
         if power and "velocity" not in quantities:
-            raise InvalidInput("power must be False with forces only, since they take none at rest, got True")
+            raise InvalidInput("power must be False if all quantities are forces, got True")
         self.power = "velocity" in quantities if power is None else bool(power)
         self.names = (*(f"{NAMES[each]}_{k + 1}" for k, each in enumerate(quantities)), *("joint_power",) * self.power)
         self.units = (*(UNITS[each] for each in quantities), *("W",) * self.power)
@@ -201,8 +200,7 @@ class DirectionalMaxima(DenseFormulation):
         for each, values in zip(self.functions.objectives, require_values(self.functions, motions).T, strict=True):
             if len(values) > 1 and np.ptp(values) == 0:
                 raise InvalidInput(
-                    f"{each.name} must be a function of the posture, got one that is the same in all: the arm stands "
-                    "still"
+                    f"{each.name} must depend on the posture, got the same value in all: the arm stands still"
                 )
         examine_functions(self.functions, motions)
 
@@ -214,7 +212,7 @@ class DirectionalMaxima(DenseFormulation):
     def _largest_values(self, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, " directions"]:
         """Return the highest speed [m/s] or force [N] over all directions and postures, per direction.
 
-        Raises InvalidInput, naming the direction, for a force that no motor bounds.
+        Raises InvalidInput, naming the direction, if no motor limits the force along it.
         """
         sizes, moving = np.empty(len(self.directions)), self.moving
         if moving.any():
@@ -222,15 +220,15 @@ class DirectionalMaxima(DenseFormulation):
         if moving.all():
             return sizes
         if not any(np.isfinite(curve.stall).any() for curve in self.actuation.curves):
-            raise InvalidInput("actuation must have a motor with a finite stall, to bound forces, got none")
+            raise InvalidInput("actuation must have a motor with a finite stall, got none: nothing limits forces")
         columns = kinematics.jacobian(self.arm, q)[:, : self.directions.shape[1]]
         shares, lengths = np.abs(self.directions @ columns), np.linalg.norm(columns, axis=1)
         limited = np.isfinite(torque_capacity(self.actuation, q)[0])
         bears = ((shares > FACETS.orthogonal * lengths[:, None]) & limited[:, None]).any(axis=2)
         for k in np.flatnonzero(~moving & ~bears.any(axis=0)):
             raise InvalidInput(
-                f"direction {k + 1} must load some motor of {self.arm.name}, got "
-                f"{self.directions[k].round(4).tolist()}, along which no motor bears a force: it has no bounds"
+                f"direction {k + 1} must load a motor of {self.arm.name}, got "
+                f"{self.directions[k].round(4).tolist()}: no motor limits the force along it"
             )
         forces = values_at(self.arm, self.actuation, self.directions[~moving], "force", q)
         sizes[~moving] = forces[bears[:, ~moving]].max()
@@ -285,7 +283,7 @@ class DirectionalMaxima(DenseFormulation):
         return rows
 
     def configuration(self, genes: Genes) -> Configuration:
-        """Return the postures, sliders and speeds of genes (points, n_var), with all excesses.
+        """Return the postures, sliders and speeds of genes (points, n_var), with violations.
 
         Forces are the greatest ones: smaller ones would save nothing.
         """
@@ -296,7 +294,7 @@ class DirectionalMaxima(DenseFormulation):
         retracted = retract(self.arm, self.stationary.tasks, base, self.stationary.targets[0], across)
         q, front, pace = retracted.q, front_sliders(actuation, part["front"]), part["pace"]
         best = self.maxima(q, front)
-        # Joint speeds: shares of the highest ones, and motion along the self-motion in mean ranges of joint speeds.
+        # Joint speeds: shares of the highest ones, plus self-motion in units of the mean range of joint speeds.
         span, joint_shares = best.span[:, None, None], part["joint_shares"]
         joint_shares = joint_shares.reshape(*pace.shape, self.stationary.redundancy)
         dq = pace[..., None] * best.dq + span * np.einsum("pjr,pkr->pkj", best.free, joint_shares)
@@ -324,7 +322,7 @@ class DirectionalMaxima(DenseFormulation):
         )
 
     def slider_speeds(self, at: Configuration, torque: np.ndarray) -> np.ndarray:
-        """Return slider speeds (points, directions, 2, dof), each in proportion to its highest."""
+        """Return the slider speeds (points, directions, 2, dof) that give the joint speeds."""
         return motor_speeds(self.actuation, at.q[:, None], at.front[:, None], torque[:, None], at.dq)[0]
 
     @of_genes
@@ -418,7 +416,7 @@ class DirectionalMaxima(DenseFormulation):
         at = self.configuration(X)
         own, limits, causes = evaluate_motions(self.functions, self._motions(at.q), interruptible=False)
         unbounded = np.isinf(at.values).any(axis=1)
-        out["cause"] = np.where(unbounded, "a force that no joint has to bear is without bounds", causes)
+        out["cause"] = np.where(unbounded, "a force that loads no joint has no bound", causes)
         failed = (~np.isfinite(own).all(axis=1) | unbounded)[:, None]
         invalid = failed | ~np.isfinite(at.power).all(axis=1, keepdims=True)
         power = at.power.max(axis=1, keepdims=True, initial=0.0)[:, : int(self.power)]

@@ -1,4 +1,4 @@
-"""Genes of a motion: number of its base, and a spline of self-motion coordinates."""
+"""Genes of a motion: its base, and a spline of self-motion coordinates around the base."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from paretoik.task.self_motion import Charts, build_charts
 class EncodingOptions:
     """Settings of the splines and of their charts.
 
-    radii: radii that are tried as a chart's reach
+    radii: radii that are tried as a chart's reach [rad, arm's lengths], ascending
     """
 
     degree: int = 3  # degree of the splines
-    coefficients: tuple[int, int] = (4, 12)  # least number of coefficients, and the number on paths with enough samples
-    radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)  # rad, arm's lengths; ascending
+    coefficients: tuple[int, int] = (4, 12)  # least number of coefficients, and default on long paths
+    radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)
     deviation: float = 0.3  # approximate size of the coefficients of sampled motions, as a share of the charts' reach
 
 
@@ -34,12 +34,14 @@ OPTIONS = EncodingOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Encoding:
-    """Genes ↔ motions.
+    """Map between genes and motions.
 
-    The first gene, rounded down, is the number of the base. The others, in [−1, 1], are spline coefficients.
-    Coordinates are y(t) = radius(t) · Σ_k c_k B_k(t). ``radius`` (bases, time) is the reach of the chart around each
-    base. ``spline`` (time, coefficients) is a C² cubic basis: clamped, or periodic on a cycle. If the start is given,
-    one member is left out. If the motion ends at rest, the last two members are summed: their coefficients are equal.
+    The first gene, rounded down, is the index of the base. The others, in [−1, 1], are spline coefficients c_k.
+    Self-motion coordinates around the base are y(t) = radius(t) · Σ_k c_k B_k(t).
+
+    radius: reach of the chart around each base
+    spline: C² cubic basis B_k, clamped, or periodic if the motion is cyclic. If the start is given, one function is
+        left out. If the motion ends at rest, the last two functions are summed: their coefficients are equal.
     """
 
     charts: Charts
@@ -68,7 +70,7 @@ class Encoding:
         return np.concatenate([[0.0], -np.ones(size)]), np.concatenate([[float(self.bases)], np.ones(size)])
 
     def species(self, genes: Genes) -> Int[np.ndarray, " points"]:
-        """Return the number of each individual's base motion."""
+        """Return the index of each individual's base motion."""
         return np.clip(np.floor(genes[:, 0]), 0, self.bases - 1).astype(int)
 
     def decode(self, task: MotionTask, genes: Genes) -> tuple[JointPaths, Bool[np.ndarray, "points time"]]:
@@ -82,7 +84,7 @@ class Encoding:
         return q, on_path
 
     def encode(self, task: MotionTask, which: Int[np.ndarray, " motions"], q: JointPaths) -> Genes:
-        """Return genes of motions around bases ``which``; the nearest by least squares if no genes have the motion."""
+        """Return the genes nearest to motions around bases ``which``, by least squares."""
         y = self.charts.coordinates(task, which, q) / self.radius[which][..., None]
         fitted = np.einsum("kt,ptr->prk", np.linalg.pinv(self.spline), y)
         return np.concatenate([which[:, None] + 0.5, fitted.reshape(len(q), -1)], axis=1)
@@ -90,7 +92,7 @@ class Encoding:
     def encode_nearest(self, task: MotionTask, q: JointPaths) -> tuple[Genes, Float[np.ndarray, " motions"]]:
         """Return genes, clipped to their bounds, and their motions' distances from ``q`` [rad, arm's lengths].
 
-        A motion is encoded around the base with the smallest distance, the largest over joints and samples.
+        A distance is the largest over joints and samples. A motion's base is the one with the smallest distance.
         """
         genes, deviation = np.zeros((len(q), len(self.bounds[0]))), np.full(len(q), np.inf)
         for base in range(self.bases):
@@ -111,7 +113,7 @@ class Encoding:
 
 
 def choose_coefficients(coefficients: int | None, samples: int) -> int:
-    """Return the number of spline coefficients; None means the default. Raises InvalidInput."""
+    """Return the number of spline coefficients; None: the default. Raises InvalidInput."""
     if coefficients is None:
         return int(np.clip(samples - 2, *OPTIONS.coefficients))
     check_size("coefficients", coefficients, OPTIONS.coefficients[0])
@@ -123,12 +125,12 @@ def choose_coefficients(coefficients: int | None, samples: int) -> int:
 
 
 def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coefficients: int) -> Encoding:
-    """Return the encoding around base motions, with the measured charts' reach."""
+    """Return the encoding around base motions, after measuring the reach of their charts."""
     # the C² cubic basis of the task's coordinates
     t, degree = task.times / task.times[-1], OPTIONS.degree
     has_start = task.start is not None
     count = coefficients + has_start
-    if task.cyclic:  # the basis beyond the end continues at the beginning
+    if task.cyclic:  # functions beyond the end continue at the beginning
         knots = np.arange(-degree, count + degree + 1) / count
         wide = BSpline.design_matrix(np.minimum(t, 1 - 1e-15), knots, degree).toarray()
         basis = wide[:, :count].copy()
@@ -138,7 +140,7 @@ def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coeffi
         basis = clamped_spline(t, count + task.ends_at_rest)
         if task.ends_at_rest:
             basis = np.concatenate([basis[:, :-2], basis[:, -2:].sum(axis=1, keepdims=True)], axis=1)
-    if has_start:  # without this member all others are zero at the first sample, and as local as before
+    if has_start:  # leave out one function, so that the others are zero at the first sample and stay local
         pivot = int(np.argmax(basis[0]))
         remainder = basis - np.outer(basis[:, pivot], basis[0] / basis[0, pivot])
         remainder[0] = 0.0
@@ -156,7 +158,7 @@ def clamped_spline(t: Float[np.ndarray, " time"], coefficients: int) -> Float[np
 
 
 def _reach(task: MotionTask, charts: Charts) -> Float[np.ndarray, "bases time"]:
-    """Return each chart's reach: the largest radius completely on the path. It is smoothed in time."""
+    """Return each chart's reach: the largest radius that is on the path everywhere, smoothed in time."""
     from scipy.ndimage import gaussian_filter1d, minimum_filter1d  # imported here: needed at start-up only
 
     bases, times, _, redundancy = charts.null_space.shape

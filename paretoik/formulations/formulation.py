@@ -64,7 +64,7 @@ Decoded = TypeVar("Decoded")
 
 
 def of_genes(decode: Callable[[Self, Genes], Decoded]) -> Callable[[Self, Genes], Decoded]:
-    """Wrap a method of genes (points, n_var): genes are checked first."""
+    """Return the method with a check of its genes (points, n_var)."""
 
     @wraps(decode)
     def checked(self: Self, genes: Genes) -> Decoded:
@@ -77,15 +77,17 @@ def check_motions(motions: object, task: MotionTask, *, samples: int | None = No
     """Raise InvalidInput unless these are motions of a task's joints, with ``samples`` if given."""
     shape = motions.q.shape if isinstance(motions, Motion) else ()
     if len(shape) != 3 or shape[2] != task.arm.dof or (samples is not None and shape[1] != samples):
-        raise InvalidInput(f"motions must be motions (points, time, {task.arm.dof}), got {shown(motions)}")
+        raise InvalidInput(
+            f"motions must be a Motion (points, {samples or 'time'}, {task.arm.dof}), got {shown(motions)}"
+        )
 
 
 class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
-    """A vectorised pymoo problem that any pymoo algorithm can start with.
+    """A vectorised pymoo problem with its own first generation for any pymoo algorithm.
 
-    Random genes rarely satisfy tight limits. pymoo takes a sampling only from the algorithm. But pymoo passes the
-    algorithm to ``evaluate``, and copies everything that this returns into the algorithm's individuals. So if an
-    algorithm samples at random, its first generation is replaced by that of ``sampling()``. Algorithms with their own
+    Random genes rarely satisfy tight limits, but pymoo takes a sampling only from the algorithm. pymoo passes the
+    algorithm to ``evaluate`` and copies what this returns into the algorithm's individuals. Therefore, if an algorithm
+    samples at random, ``evaluate`` replaces its first generation by that of ``sampling()``. Algorithms with their own
     genes or sampling keep these.
     """
 
@@ -96,7 +98,7 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     _repr_html_ = html_representation
 
     def __init__(self, low: Float[np.ndarray, " genes"], high: Float[np.ndarray, " genes"]) -> None:
-        """Make a problem with the named objectives and constraints. Genes are from ``low`` to ``high``."""
+        """Make a problem with the named objectives and constraints, and genes from ``low`` to ``high``."""
         counts = {"n_obj": len(self.names), "n_ieq_constr": len(self.constraint_names)}
         super().__init__(n_var=len(low), xl=low, xu=high, **counts)
 
@@ -120,14 +122,14 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
         return Seeded(None)
 
     def check_genes(self, name: str, X: object, *dimensions: int) -> Genes:
-        """Return finite genes in rows, or a single row. Raises InvalidInput, with ``name``, for anything else."""
+        """Return genes as a finite array, its ndim among ``dimensions``. Raises InvalidInput, with ``name``."""
         genes = finite_array(name, X)
         if genes.ndim not in dimensions or genes.shape[-1] != self.n_var:
             raise InvalidInput(f"{name} must be rows of {self.n_var} genes, got shape {genes.shape}")
         return genes
 
     def evaluate(self, X: Genes, *args: Any, algorithm: Any = None, **kwargs: Any) -> Any:
-        """Evaluate genes as pymoo's problems do. ``algorithm`` is the caller."""
+        """Evaluate genes as pymoo's problems do. ``algorithm``: the algorithm that asks."""
         X = self.check_genes("X", X, 1, 2)
         sampling = getattr(getattr(algorithm, "initialization", None), "sampling", None)
         if algorithm is None or algorithm.is_initialized or type(sampling) not in RANDOM:

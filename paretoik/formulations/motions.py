@@ -1,7 +1,4 @@
-"""Motions between two motions of a task, and checks of stored motions.
-
-Anybody may write a stored file, so its motions are checked.
-"""
+"""Motions between two motions of a task, and checks of motions from files."""
 
 from __future__ import annotations
 
@@ -30,7 +27,7 @@ def values_between(
 ) -> Float[np.ndarray, "gaps shares n_obj"]:
     """Return minimised objectives at shares of the way between motions; inf if impossible.
 
-    Joints take the shortest way, without whole turns of periodic ones.
+    Joints take the shortest way; periodic ones make no whole turns.
     """
     motions = _motions_between(task, q, shares)
     with np.errstate(all="ignore"):  # off the path any value may occur
@@ -42,7 +39,7 @@ def values_between(
 def points_between(
     task: MotionTask | None, x: Points, shares: Float[np.ndarray, " shares"]
 ) -> list[Float[np.ndarray, " between *point"]]:
-    """Return the points at shares of the way between consecutive points. Only motions on their path are returned."""
+    """Return points at shares of the way between consecutive points; motions off their path are left out."""
     if task is None:
         between = x[:-1, None] + shares.reshape(-1, *[1] * (x.ndim - 1)) * np.diff(x, axis=0)[:, None]
         return list(between)
@@ -53,7 +50,7 @@ def points_between(
 
 
 def _motions_between(task: MotionTask, q: np.ndarray, shares: np.ndarray) -> Retraction:
-    """Return motions (gaps · shares, time, dof) between consecutive ones, on the path.
+    """Return motions (gaps · shares, time, dof) between consecutive ones, retracted to the path.
 
     ``shares``: shares of the way from each motion to the next
     """
@@ -67,7 +64,7 @@ def _motions_between(task: MotionTask, q: np.ndarray, shares: np.ndarray) -> Ret
 def possible_values(
     F: Float[np.ndarray, "points n_obj"], violation: Float[np.ndarray, "points limits"]
 ) -> Float[np.ndarray, "points n_obj"]:
-    """Return objectives; inf without a value, or if a limit is exceeded by more than its range."""
+    """Return objectives; inf if one is not finite or a limit is exceeded by more than its range."""
     possible = np.isfinite(F).all(axis=1) & ~(violation > 1.0).any(axis=1)
     return np.where(possible[:, None], F, np.inf)
 
@@ -79,10 +76,10 @@ STORED_TOLERANCE = 1e-9  # largest distance of a stored motion from its path [ar
 
 
 def restore_motions(problem: Any, front: Front) -> Any:
-    """Return the motions of a stored front with their arm, from joint positions or else from genes.
+    """Return a stored front's motions with their arm, from joint positions, otherwise from genes.
 
-    Raises InvalidRun as ``motions_of_task`` does, and if a loop's distance from its path (Marcos et al. 2012, Eq. 23)
-    is not that of its run.
+    Raises InvalidRun as ``motions_of_task`` does, and if a loop's mean distance from its path (Marcos et al. 2012,
+    Eq. 23) differs from the stored one.
     """
     if front.motions is None:
         return None
@@ -103,7 +100,7 @@ def restore_motions(problem: Any, front: Front) -> Any:
 
 
 def motions_of_task(problem: Any, stored: JointMotions, ids: Sequence[int]) -> Motion | None:
-    """Return stored motions with a task's arm, joints matched by name; None if times differ.
+    """Return stored motions with a task's arm, by joint names; None if times differ.
 
     Raises InvalidRun if joints differ, or if a motion leaves a path that the problem follows exactly.
     """

@@ -33,12 +33,12 @@ from paretoik.runs.machine import single_blas_thread
 
 @dataclass(frozen=True, kw_only=True)
 class FrontNavigationOptions:
-    """Settings of points that satisfy limits between samples."""
+    """Settings of moves along a front."""
 
-    rounds: int = 3  # number of times that a point is solved again: tighter limits, or a better point
+    rounds: int = 3  # largest number of times that a point is solved: with tighter limits, or from a better point
     between: float = 1e-8  # largest violation of limits between samples, as a share of their ranges
     tolerance: float = 10 * POINT_TOLERANCE  # distance below which points are the same
-    met: float = 1e-6  # share of a requested change that may be missed without a remark: solvers are inexact
+    met: float = 1e-6  # share of a requested change that may be missed without notice: solvers are inexact
 
 
 OPTIONS = FrontNavigationOptions()
@@ -64,7 +64,7 @@ def describe_move(
     change = after.objectives[row] - front.objectives[request.row]
     predicted = aim.predicted * aim.ranges * np.where(front.maximised, -1.0, 1.0) * destination.share
     followed, is_new = destination.followed, certificate is not None
-    words = [_moved(front, request, change, predicted, id, is_new), _how(front, request, destination)]
+    words = [_change_text(front, request, change, predicted, id, is_new), _way_text(front, request, destination)]
     if certificate is not None:
         residual, status = float(certificate.criticality[0]), str(certificate.status[0])
         at, between = float(certificate.violation[0]), float(certificate.violation_between[0])
@@ -96,10 +96,10 @@ def describe_move(
     }
 
 
-def _moved(
+def _change_text(
     front: Front, request: NavigationRequest, change: np.ndarray, predicted: np.ndarray, id: int, is_new: bool
 ) -> str:
-    """Return every objective's change, and the change predicted by exchange rates."""
+    """Return every objective's change and the one predicted by exchange rates, as text."""
     parts = list[str]()
     for k in (request.improve, *request.payers):
         text = f"{front.names[k]} {change[k]:+.4g} {front.units[k]}".rstrip()
@@ -107,37 +107,38 @@ def _moved(
             share = abs(change[k]) / request.by
             text += " as asked" if abs(share - 1) <= OPTIONS.met else f", {share:.1%} of what was asked"
         elif np.isfinite(predicted[k]) and predicted[k] != 0:
-            text += f" ({predicted[k]:+.4g} by the exchange rates there)"
+            text += f" ({predicted[k]:+.4g} predicted by exchange rates)"
         parts.append(text)
     fixed = [k for k in range(len(front.names)) if k != request.improve and k not in request.payers]
-    parts += [f"{front.names[k]} {change[k]:+.2g} {front.units[k]}, held".replace(" ,", ",") for k in fixed]
-    where = f"new point {id}" if is_new else f"point {id}, known already and no worse"
+    parts += [f"{front.names[k]} {change[k]:+.2g} {front.units[k]}, fixed".replace(" ,", ",") for k in fixed]
+    where = f"new point {id}" if is_new else f"point {id}, which was known already and is no worse"
     return f"From point {front.ids[request.row]} to {where}: {'; '.join(parts)}."
 
 
-def _how(front: Front, request: NavigationRequest, destination: Destination) -> str:
-    """Return how the point was reached and whether the front jumps."""
+def _way_text(front: Front, request: NavigationRequest, destination: Destination) -> str:
+    """Return how the point was reached and whether the front jumps, as text."""
     followed, name = destination.followed, front.names[request.improve]
     if destination.arrived and followed is not None:
         steps = f"{followed.steps} step{'s' * (followed.steps != 1)}"
         corrections = f"{followed.corrections} correction{'s' * (followed.corrections != 1)}"
-        text = f"Its branch was followed in {steps} with {corrections}: no jump."
+        text = f"The branch was followed in {steps} with {corrections}: no jump."
         if destination.share < 1.0:
-            text += f" From there on no better {name} was found that the others pay for."
+            text += f" No larger gain in {name} was found."
         return text
     if followed is None:
         cause = (
-            "Optima cannot be followed past kinks or if functions relate samples: it was solved from the start and "
-            "its neighbours."
+            "The branch cannot be followed, because functions have kinks or relate samples: the point was solved from "
+            "the start and its neighbours."
         )
     elif followed.share == 0.0:
-        cause = "Its branch could not be followed: it was sought from the start and its neighbours."
+        cause = "The branch could not be followed: the point was solved from the start and its neighbours."
     elif followed.share < 1.0:
         cause = (
-            f"Its branch was followed {followed.share:.0%} of the way: it was sought from there and from neighbours."
+            f"The branch was followed {followed.share:.0%} of the way: the point was solved from there and from "
+            "neighbours."
         )
     else:
-        cause = "Its branch leads to a worse point: it was sought from neighbours."
+        cause = "The branch leads to a worse point: another one was solved from neighbours."
     jump = (
         "The front jumps on the way: between the two motions there are motions worse than both."
         if destination.jump
@@ -153,7 +154,7 @@ _STARTS: WeakKeyDictionary[Front, dict[tuple[int, bytes, bytes, bytes], Optimum 
 
 
 def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
-    """Return the front with the certified point of a request, or with a note about a better one.
+    """Return the front with a request's certified point, or with a note if a better one is known.
 
     Raises Infeasible if no point is better in the requested objective.
     """
@@ -174,11 +175,11 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
         seconds = time.process_time() - began
         if destination is None:
             raise Infeasible(
-                f"navigate must make {_wish(front, request)}, but found no point within all limits "
-                f"at the cost of {', '.join(front.names[k] for k in request.payers)}"
+                f"navigate: no point within all limits was found with {_wish(front, request)}, at the cost of "
+                f"{', '.join(front.names[k] for k in request.payers)}"
             )
         individual, certificate = _certified(formulation, destination, aim)
-        # Return the front's better point if there is one, else the new point in place of the points that it dominates.
+        # Return a better point of the front if there is one, else the new point in place of those that it dominates.
         value, values = individual.objectives[0] / aim.ranges, front.minimised / aim.ranges
         better = np.flatnonzero((values <= value + OPTIONS.tolerance).all(axis=1))
         if len(better):
@@ -197,17 +198,15 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
 def predict(problem: Any, front: Front, request: NavigationRequest) -> Prediction:
     """Return the predicted result of a move, by derivatives at its start.
 
-    Raises InvalidInput if optima cannot be followed, Infeasible without a prediction.
+    Raises InvalidInput if optima cannot be followed, Infeasible if there is no prediction.
     """
     formulation: Differentiable = problem
     with single_blas_thread():
         program = formulation.program()
         if not can_follow(program):
-            raise InvalidInput(
-                "predict must have optima that can be followed, got kinks, or functions that relate samples"
-            )
+            raise InvalidInput("predict: optima cannot be followed, because functions have kinks or relate samples")
         aim = _aim(front, request, program)
-        # The start as an optimum is cached with the front, because sliders ask for it repeatedly.
+        # The optimum at the start is cached with the front, because user interfaces ask for it repeatedly.
         row, goal, optima = request.row, aim.at_share(0.0), _STARTS.setdefault(front, {})
         key = (row, goal.weights.tobytes(), goal.rows.tobytes(), goal.upper.tobytes())
         if key not in optima:
@@ -216,7 +215,7 @@ def predict(problem: Any, front: Front, request: NavigationRequest) -> Predictio
         optimum = optima[key]
         x = None if optimum is None else predict_optimum(program, optimum, aim.at_share)
         if x is None:
-            raise Infeasible(f"predict must make {_wish(front, request)}, which derivatives there do not reach")
+            raise Infeasible(f"predict: no prediction was found for {_wish(front, request)}")
         individual = formulation.individuals(x[None])
     return Prediction(
         objectives=individual.objectives[0] * np.where(front.maximised, -1.0, 1.0),
@@ -243,9 +242,9 @@ def _aim(front: Front, request: NavigationRequest, program: Program) -> Aim:
 
 
 def natural_weights(front: Front, row: int) -> Float[np.ndarray, " n_obj"]:
-    """Return the weights of minimised objectives at a point in natural units, the largest 1.
+    """Return the weights of minimised objectives at a point, in natural units; the main one is 1.
 
-    They follow from the exchange rates, which do not depend on ranges; without these, from the weights.
+    They are the exchange rates, which do not depend on ranges; if a rate is missing, the certificate's weight.
     """
     assert front.certificates is not None
     weights = front.certificates.weights[row] / widths_of(front)
@@ -259,8 +258,8 @@ def natural_weights(front: Front, row: int) -> Float[np.ndarray, " n_obj"]:
 def _certified(formulation: Differentiable, destination: Destination, aim: Aim) -> tuple[Individuals, Certificates]:
     """Return the point, a batch of one, with its certificate.
 
-    The point satisfies limits between samples if possible: it is solved again with tighter limits. If it is a saddle,
-    the better point next to it replaces it.
+    If the point exceeds limits between samples, it is solved again with tighter limits. If it is a saddle, a better
+    point next to it replaces it.
     """
     x, ranges = destination.x, aim.ranges
     goal = aim.at_share(destination.share)

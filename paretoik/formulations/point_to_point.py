@@ -1,6 +1,6 @@
-"""Motions between points without a given path, time against energy.
+"""Motions from point to point without a given path: time against energy.
 
-An individual is a path in joint space, and of the sliders along the links: a spline whose ends are retracted to the
+An individual is a spline of joint positions and of slider positions along the links. Its ends are retracted to the
 start and the target of the tool. Path and posture are searched together. The least time of the motion and the work of
 its motors follow in closed form.
 
@@ -45,7 +45,7 @@ from paretoik.task.random_starts import rollout_starts, travelling_starts
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract, task_errors
 from paretoik.task.validation import motion_task
 
-# Initial paths: splines in different postures, straight or bowed.
+# Initial paths: splines in different postures, straight or curved.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,9 +53,9 @@ class InitialPathOptions:
     """Settings of the search for initial paths."""
 
     rollouts: int = 256  # number of sampled postures at each end, and of sampled motions of each kind along a line
-    bows: tuple[float, ...] = (0.5, 1.0, 2.0)  # sideways moves of a line's middle, as shares of its length
-    fixed_sliders: int = 5  # number of places at which fixed sliders are tried
-    work_unit: float = 1e-6  # J: smallest unit of work, which is 0 without gravity
+    bows: tuple[float, ...] = (0.5, 1.0, 2.0)  # sideways shifts of a line's midpoint, as shares of its length
+    fixed_sliders: int = 5  # number of positions at which fixed sliders are tried
+    work_unit: float = 1e-6  # J: least unit of work; the work itself is 0 without gravity
     distance: float = 0.2  # rad or m: least distance between the coefficients of two paths
 
 
@@ -79,7 +79,7 @@ class InitialPaths:
         return int(np.prod(self.q.shape[1:]))
 
     def finer(self, times: int) -> Float[np.ndarray, "fine coefficients"]:
-        """Return the spline with samples that are ``times`` times finer."""
+        """Return the spline's matrix with each interval divided into ``times`` parts."""
         samples = times * (len(self.spline) - 1) + 1
         return clamped_spline(np.linspace(0.0, 1.0, samples), self.spline.shape[1])
 
@@ -113,7 +113,7 @@ def find_initial_paths(
 ) -> InitialPaths:
     """Return at most ``bases`` paths that motors can hold, the quickest first.
 
-    Paths are straight, or bowed sideways if a straight one cannot be followed. Raises OutOfReach and Infeasible.
+    Paths are straight, or curved sideways if a straight one cannot be followed. Raises OutOfReach and Infeasible.
     """
     restricted, rng = restrict_to_rods(arm, actuation), np.random.default_rng(seed)
     basis = clamped_spline(np.linspace(0.0, 1.0, samples), coefficients)
@@ -135,11 +135,11 @@ def find_initial_paths(
             raise overload_error(actuation, arm, q[index, sample], load[sample])
         feasible = np.flatnonzero(holdable)[np.argsort(worst[holdable])][:bases]
     order = feasible[np.argsort(np.nan_to_num(timing.duration[feasible], nan=np.inf), kind="stable")]
-    rows = [int(order[0])]  # the first few that are far enough from each other
+    rows = [int(order[0])]  # the quickest ones that are far enough from each other
     for row in order[1:]:
         if len(rows) < bases and np.abs(splines[rows] - splines[row]).max(axis=(1, 2)).min() > PATHS.distance:
             rows.append(int(row))
-    # The directions in which the task changes at either end are those of the Jacobian's rows.
+    # At either end the task changes along the rows of its Jacobian.
     jacobian = task_errors(task.arm, task.tasks, splines[:, [0, -1]], task.targets[[0, -1]])[1]
     return InitialPaths(
         q=splines[rows],
@@ -154,7 +154,7 @@ def find_initial_paths(
 def _follow_lines(
     arm: Arm, actuation: Actuation, start: np.ndarray, target: np.ndarray, samples: int, rng: np.random.Generator
 ) -> tuple[MotionTask, Float[np.ndarray, "found time dof"]]:
-    """Return the first line that can be followed, straight before bowed, and motions along it."""
+    """Return the task of the first line that can be followed, straight before curved, and motions along it."""
     lines = [line(start, target, duration=1.0, samples=samples, timing="uniform")]
     sideways = np.linalg.svd((target - start)[None])[2][1:] * np.linalg.norm(target - start)
     for bow in PATHS.bows:
@@ -178,15 +178,15 @@ def _follow_lines(
             )
         except (OutOfReach, Infeasible) as fault:
             faults.append(fault)
-    faults[0].args = (f"start to target: no path was found, straight or bowed; straight, the {faults[0]}",)
+    faults[0].args = (f"start to target: no path was found, straight or curved; straight: {faults[0]}",)
     raise faults[0]
 
 
 def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
     """Return slider coefficients to try, grouped by path.
 
-    Candidates are the sliders at which joints are fastest, sliders in the middle of the feasible range, and fixed
-    sliders: the fastest ones may need long travel.
+    Candidates are the slider positions at which joints are fastest, which may need long travel; their means; midpoints
+    of the feasible range; and fixed positions.
     """
     if not isinstance(actuation, DistributedActuation):
         return np.zeros_like(coefficients)
@@ -196,7 +196,7 @@ def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coeffici
     best = np.clip(_fit_spline(basis, np.nan_to_num(fastest, nan=0.5)), 0.0, 1.0)
     fixed = np.linspace(0.0, 1.0, PATHS.fixed_sliders)[:, None, None] * np.ones_like(best[:1])
     steady = np.repeat(best.mean(axis=1, keepdims=True), best.shape[1], axis=1)
-    # The middle of the front sliders' ranges in which back sliders are within bounds.
+    # midpoints of the front sliders' ranges in which back sliders are within bounds
     places, fits = np.linspace(0.0, 1.0, 4 * PATHS.fixed_sliders + 1), list[np.ndarray]()
     for share in places:
         back = actuation.gears(q, front_sliders(actuation, np.full(q.shape, share)))[0]
@@ -208,7 +208,7 @@ def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coeffici
 
 
 def _fit_spline(basis: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Return the coefficients nearest to samples (batch, time, dof). Both ends are exact."""
+    """Return least-squares coefficients of samples (batch, time, dof), with exact ends."""
     inner, ends = basis[:, 1:-1], basis[:, [0, -1]]
     outer = samples[:, [0, -1]]
     middle = np.linalg.pinv(inner) @ (samples - ends @ outer)
@@ -224,9 +224,9 @@ class PointToPointOptions:
 
     coefficient_range: float = 1.5  # rad or m: largest distance of a coefficient from its base
     slider_overshoot: float = 0.5  # share of a slider's range by which coefficients may exceed it if samples do not
-    shortest_interval: float = 1e-6  # s: least interval, used if nothing moves
-    longest_interval: float = 10.0  # if functions use times, in mean intervals of the quickest path
-    refinement: int = 8  # number of checks between samples per interval
+    shortest_interval: float = 1e-6  # s: shortest interval, used if nothing moves
+    longest_interval: float = 10.0  # longest interval if functions use times, in mean intervals of the quickest path
+    refinement: int = 8  # number of parts of an interval that are checked
 
 
 OPTIONS = PointToPointOptions()
@@ -237,14 +237,19 @@ class PointToPoint(DenseFormulation):
 
     A vectorised pymoo problem.
 
-    Objectives: ``duration`` [s], the least time that motors need, each within its curve under the load of gravity;
-    ``energy`` [J], the work of all motors, given or taken; then the user's own. Inertia is not counted (quasi-static).
-    Every motion of the front has its own times. ``pk.refine`` refines them by exact gradients.
+    Objectives:
+
+    - ``duration`` [s]: least time within the motors' curves under the load of gravity
+    - ``energy`` [J], if ``energy``: absolute work of all motors
+    - the user's own
+
+    Inertia is neglected (quasi-static). Every motion of a front has its own times. ``pk.refine`` refines fronts by
+    exact gradients.
 
     Parameters
     ----------
     arm
-        Arm with more joints than coordinates of the task, its gravity as it is mounted.
+        Arm with more joints than coordinates of the tool's position, and gravity as it is mounted.
     actuation
         Motors or sliders that drive the arm.
     start
@@ -256,23 +261,23 @@ class PointToPoint(DenseFormulation):
     coefficients
         Number of spline coefficients per joint and slider.
     energy
-        Flag: whether the work of motors is an objective. It needs an arm with weight: without gravity in its plane,
-        work is free.
+        Flag: whether the work of motors is an objective. It must be False for an arm without weight in its plane, whose
+        work is 0.
     objectives
-        Functions of the user decorated with ``@objective``, of any form. They see the motions of the front: at the
-        samples, each in its own time, rates by backward differences, torques with inertia. If they depend on times,
-        motions may be slower than motors allow: up to ten times as slow as the quickest initial path.
+        User's functions decorated with ``@objective``, of any form. Each motion has its own times, rates by backward
+        differences, and torques with inertia. If functions depend on times, motions may be slower than motors need: up
+        to ten times as slow as the quickest initial path.
     constraints
-        Functions of the user decorated with ``@constraint``, of any form; they see the same motions.
+        User's functions decorated with ``@constraint``, of any form; their motions are the same.
     bases
-        Largest number of initial paths in different postures: straight ones, or bowed ones if these are out of reach.
+        Largest number of initial paths in different postures; they are curved if straight ones are out of reach.
     seed
-        Seed of the initial paths; part of the problem.
+        Seed of the initial paths; genes depend on it.
 
     Notes
     -----
-    Genes: number of the base, distance of each coefficient of each joint from that of the base, and coefficients of the
-    front sliders as shares of their range.
+    Genes: the base, the difference of each joint's coefficients from the base's, the coefficients of the front sliders
+    as shares of their range, and the intervals of time if functions depend on times.
 
     Raises
     ------
@@ -314,7 +319,7 @@ class PointToPoint(DenseFormulation):
             raise InvalidInput(f"{arm.name} must have more than {task} joints, to choose among paths, got {arm.dof}")
         ends = [finite_array(name, place, (task,)) for name, place in (("start", start), ("target", target))]
         if np.linalg.norm(ends[1] - ends[0]) < 1e-9:
-            raise InvalidInput(f"target must be another place than the start, got {ends[1].tolist()} m twice")
+            raise InvalidInput(f"target must differ from start, got {ends[1].tolist()} m for both")
         self.arm, self.actuation, self.start, self.target = arm, actuation, *ends
         self.ends = stationary_task(arm, self.start), stationary_task(arm, self.target)
         check_flag("energy", energy)
@@ -339,10 +344,7 @@ class PointToPoint(DenseFormulation):
         )
 
     def profiles(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
-        """Return coefficients of joints and front sliders, and the ends' errors.
-
-        Shapes: (points, coefficients, dof) for coefficients.
-        """
+        """Return coefficients (points, coefficients, dof) of joints and front sliders, and the ends' errors."""
         paths, which = self.initial_paths, self.base_indices(genes)
         q = paths.q[which] + genes[:, 1 : 1 + paths.size].reshape(len(genes), *paths.q.shape[1:])
         error = np.zeros(len(q))
@@ -358,10 +360,7 @@ class PointToPoint(DenseFormulation):
         return minimum_timing(self.arm, self.actuation, *self._samples(genes)[:2])
 
     def _samples(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
-        """Return positions and front sliders at the samples, and the ends' errors.
-
-        Shapes: (points, time, dof) for positions and sliders.
-        """
+        """Return positions (points, time, dof) of joints and front sliders, and the ends' errors."""
         q, front, error = self.profiles(genes)
         spline = self.initial_paths.spline
         return spline @ q, spline @ front, error
@@ -416,8 +415,8 @@ class PointToPoint(DenseFormulation):
     def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
         """Return the largest violation (points,) between samples; 0 without a violation.
 
-        It is the largest of three: extra time that motors need for an interval, over the mean interval; the overload of
-        motors; the violation of constraints. Intervals are divided into eight and timed again.
+        It is the largest of three: the extra time that motors need for an interval, in mean intervals; the overload of
+        motors; the violation of constraints. Intervals are divided into eight parts and timed again.
         """
         q, front, _ = self.profiles(genes)
         spline, times = self.initial_paths.finer(OPTIONS.refinement), OPTIONS.refinement
@@ -438,7 +437,7 @@ class PointToPoint(DenseFormulation):
             shares = paths.shares[which].reshape(count, -1)
             shares = np.clip(shares + distance * rng.normal(size=shares.shape), 0.0, 1.0)
             rows[:, 1 + paths.size : 1 + 2 * paths.size] = shares
-        if self.own_times:  # half of them use their least times
+        if self.own_times:  # half of them take their least times
             longest, steps = OPTIONS.longest_interval, len(paths.spline) - 1
             rows[::2, -steps:] = longest ** rng.uniform(-1.0, 0.0, (len(rows[::2]), 1))
         return np.clip(rows, self.xl, self.xu)

@@ -34,16 +34,15 @@ from paretoik.trajectory.infeasibility import explain_violation
 
 
 class Posture(Formulation):
-    """Search a collision-free first posture on a path: a vectorised pymoo problem.
+    """Find a collision-free first posture on a path: a vectorised pymoo problem.
 
     The objective is ``position_error`` [m], the distance of the tool from its target (Eqs. 18, 21, 22). If a task asks
     for orientation, it is ``tool_error``, the distance plus the angle [m + rad]. The user's own objectives come after
     it.
 
     The paper's search (OLGA) is ``pk.solve(posture, population=1600, generations=200, stagnation=False)``: ``pk.solve``
-    runs the paper's genetic algorithm for the error only, and MaxiMinNSGA2 for several objectives. The motions of its
-    fronts stand still in their postures: ``front.motions.q[:, 0]``. A ``ClosedLoop`` without a start runs the same
-    search, compiled.
+    runs the paper's genetic algorithm for one objective, and MaxiMinNSGA2 for several. Motions of a front stand still
+    in their postures, ``front.motions.q[:, 0]``. A ``ClosedLoop`` without a start runs the same search, compiled.
 
     Parameters
     ----------
@@ -52,14 +51,13 @@ class Posture(Formulation):
     path
         Path, Task or several of them; only the first sample counts.
     objectives
-        Functions of the user decorated with ``@objective``, of any form. They see the motion of the front: three
-        samples of an arm that stands in its posture for one second. Velocities are 0, torques are those of gravity, and
-        an integral or mean over time is that of one second.
+        User's functions decorated with ``@objective``, of any form. Their motions have three samples: the arm stands
+        in its posture for one second. Velocities are 0, and torques are those of gravity.
     constraints
-        Functions of the user decorated with ``@constraint``, of any form; they see the same motion.
+        User's functions decorated with ``@constraint``, of any form; their motions are the same.
     limits
-        Limits on position and on the torques that hold the arm, with a clearance; None: the arm's own. Joints without
-        limits range over two turns, as in the paper, sliders over 1 m either way.
+        Limits on position, holding torque and clearance; None: the arm's own. Joints without limits range over two
+        turns, as in the paper, prismatic ones over 1 m either way.
     obstacles
         Obstacles that the links stay clear of.
     link_radius
@@ -125,7 +123,7 @@ class Posture(Formulation):
         return self.task.motion(np.repeat(genes[:, None], len(self.task.times), axis=1))
 
     def encode(self, motions: Motion) -> tuple[Genes, np.ndarray]:
-        """Return motions' first postures within bounds, and their distances [rad, m]."""
+        """Return motions' first postures, clipped to bounds, and the distances from these [rad, m]."""
         check_motions(motions, self.task)
         first = np.array(motions.q[:, 0])
         genes = np.clip(first, self.xl, self.xu)

@@ -1,22 +1,22 @@
-"""The protocol between formulations and verbs.
+"""The protocol between formulations and verbs such as ``solve`` and ``refine``.
 
 It has the parts that a problem may offer, and the parts that verbs require.
 
-Any pymoo problem with real genes can be solved. If its ``timeline`` is "step", it is a loop that is followed sample by
-sample (``ClosedLoop``). Each further part makes one more thing possible: ``ProblemParts`` lists what any problem may
-offer, ``pareto.differentiable`` what gradients need. No verb looks at a class. Parts that other packages ask for:
+Any pymoo problem with real genes can be solved. If its ``timeline`` is "step", it is a loop that runs sample by sample
+(``ClosedLoop``). Verbs ask a problem for parts; its class does not count. ``ProblemParts`` lists what any problem may
+offer, ``pareto.differentiable`` what gradients need. Parts that other packages ask for:
 
-- ``names, units, maximised``: named objectives in the user's own sign; without: f1, f2, ... minimised
-- ``computed_attributes``: names of attributes that follow from others, which are rounded in fingerprints
-- ``search_attributes``: names of attributes that fingerprints leave out: how solutions are searched
+- ``names, units, maximised``: objectives in the user's own sign; default: f1, f2, ... minimised
+- ``computed_attributes``: names of attributes that follow from others; fingerprints round them
+- ``search_attributes``: names of attributes that describe the search; fingerprints leave them out
 - ``sample_starts(count, rng)``: genes that searches and local solvers start from
-- ``species(genes), n_species``: branches: mating within each, anchors for the end points of a front
-- ``algorithm(population, ...)``: the pymoo algorithm that suits its genes
+- ``species(genes), n_species``: branches; individuals mate within one, and objectives are first searched separately
+- ``algorithm(population, ...)``: the pymoo algorithm that suits the genes
 - ``values_between(front, shares)``: minimised objectives (gaps, shares, n_obj) at shares of the way from each point to
   the next, inf if that is impossible (``front.jumps``)
 - ``navigate(front, request)``, ``predict(front, request)``: ``front.navigate``, ``front.refine_around`` and
   ``front.predict``; they need all of ``pareto.differentiable.Differentiable``
-- ``select(front, preference)``: the choice of a front that is one motion
+- ``select(front, preference)``: the choice from a front of one motion, which may be computed again
 - ``plan(...)``: the distinct local optima of one objective
 - ``curve_points(motions)``: the points of motions on fewer samples, NaN off the path
 """
@@ -50,23 +50,23 @@ class ProblemParts:
 
     constraint_names: Sequence[str] | None = None  # in the order of violations; None: constraint 1, constraint 2, ...
     constraint_units: Sequence[str] | None = None  # units of violations, written after a number
-    task: Any = None  # ``MotionTask`` of the motions: stored motions get its arm, the least-violating one its limits
+    task: Any = None  # ``MotionTask`` of the motions, with their arm and limits
     finer_than: Any = None  # the user's problem if refinement added samples to it
     follows_path: object = False  # True if every motion, stored ones included, follows the task's path exactly
-    with_midpoints: Callable[[], Any] | None = None  # the problem with a sample in the middle of every interval
-    explain: Callable[[Genes], Sequence[str]] | None = None  # a reason for each infeasible individual
+    with_midpoints: Callable[[], Any] | None = None  # returns the problem with midpoints as samples
+    explain: Callable[[Genes], Sequence[str]] | None = None  # returns a reason for each infeasible individual
 
     def __init__(self, problem: Any) -> None:
-        """Take the problem's parts in place of the defaults."""
+        """Replace defaults by the parts of the problem."""
         names = [name for name in vars(ProblemParts) if not name.startswith("_")]
         vars(self).update({name: getattr(problem, name) for name in names if hasattr(problem, name)})
 
     def decode(self, genes: Genes) -> Any:
-        """Return the motions of genes; None without motions."""
+        """Return the motions of genes; None if there are none."""
         return None
 
     def encode(self, motions: Any) -> tuple[Genes, np.ndarray]:
-        """Return genes of motions, and the distances of their motions. Raises InvalidInput if that is impossible."""
+        """Return genes of motions, and the distances of the decoded motions. Raises InvalidInput if impossible."""
         raise InvalidInput("initial must be genes, got motions, which this problem cannot encode")
 
     def require_feasible(self) -> None:
@@ -101,7 +101,7 @@ def task_of(problem: Any) -> MotionTask | None:
 
 
 def at_samples_of(problem: Any, q: JointPaths | None) -> Any:
-    """Return a problem at the samples of motions (points, time, dof), to which some may be added."""
+    """Return a problem with as many samples as motions (points, time, dof), by adding midpoints."""
     if q is not None and q.ndim == 3:
         while (finer := ProblemParts(problem).with_midpoints) is not None and len(problem.task.times) < q.shape[1]:
             problem = finer()
@@ -112,15 +112,12 @@ def at_samples_of(problem: Any, q: JointPaths | None) -> Any:
 
 
 def violation_words(problem: Any, violation: np.ndarray) -> tuple[str, ...]:
-    """Return an individual's violated constraints and how much, worst first.
-
-    ``violation``: violations (n_constr,)
-    """
+    """Return an individual's constraint violations (n_constr,) as text, worst first."""
     return broken_words(*_constraints(problem, violation), violation)
 
 
 def broken_words(names: Sequence[str], units: Sequence[str], violation: np.ndarray) -> tuple[str, ...]:
-    """Return violated constraints' names and violations with units, worst first."""
+    """Return violated constraints with names, numbers and units as text, worst first."""
     broken = [row for row in np.argsort(-violation, kind="stable") if violation[row] > 0]
     return tuple(f"{names[row]}: violated by {violation[row]:.3g} {units[row]}".rstrip() for row in broken)
 
@@ -150,8 +147,7 @@ def require_program(verb: str, problem: Any) -> Differentiable:
     timeline(problem)
     if isinstance(problem, type) or not hasattr(problem, "program"):
         raise InvalidInput(
-            f"{verb}: the problem must have gradients, such as Tracking, got {type(problem).__name__}, which offers no "
-            "program()"
+            f"{verb}: the problem must have gradients, as Tracking has, got {type(problem).__name__} without program()"
         )
     formulation: Differentiable = problem
     check_names(formulation.names, formulation.units)
@@ -159,7 +155,7 @@ def require_program(verb: str, problem: Any) -> Differentiable:
 
 
 def require_plan(problem: Any) -> Callable[..., Plan]:
-    """Return a formulation's function that plans its one objective. Raises InvalidInput for other problems."""
+    """Return a formulation's ``plan``. Raises InvalidInput unless it has one, and one objective."""
     names = require_program("plan", problem).names
     if not hasattr(problem, "plan"):
         raise InvalidInput(

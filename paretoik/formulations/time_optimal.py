@@ -1,4 +1,4 @@
-"""Time-optimal control as a method whose numbers ``Tuning`` can search."""
+"""Time-optimal control as a method whose parameters ``Tuning`` can tune."""
 
 from __future__ import annotations
 
@@ -21,24 +21,21 @@ from paretoik.task.retraction import retract_nearest, task_errors
 class ControlTraces(Traces):
     """``Traces`` with two more numbers per motion.
 
-    These are the mean number of cone programs per plan, and the number of velocities that were cut short. ``errors``
-    are relative to the reference. ``velocities`` are finite differences.
+    ``errors`` are relative to the reference. ``velocities`` are finite differences.
     """
 
-    evaluations: Float[np.ndarray, "*batch"]
-    cuts: Float[np.ndarray, "*batch"]
+    evaluations: Float[np.ndarray, "*batch"]  # mean number of cone programs per plan
+    cuts: Float[np.ndarray, "*batch"]  # number of commanded velocities that the model reduced
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TimeOptimalControl(Method):
     """Time-optimal control between a path's first and last positions.
 
-    The tool's speed is limited by ``model``.
-
-    The way between the two positions and the times are free. Motions have as many samples as the path, evenly spaced
-    until the tool is at the target. A start sets the first position of the tool. The joints follow the tool by the
-    shortest way from one sample to the next. If the control fails, or the arm cannot follow, the arm stays and the
-    error is infinite. Source: Kim, Choi & Jang 2021, Eqs. 6 and 7.
+    ``model`` limits the tool's speed. The curve between the two positions and the times are free. Motions have as many
+    samples as the path, evenly spaced until the tool is at the target. A start sets the first position of the tool. The
+    joints follow the tool by the shortest way from one sample to the next. If the control fails, or the arm cannot
+    follow, the arm stands still and the error is infinite. Source: Kim, Choi & Jang 2021, Eqs. 6 and 7.
 
     Parameters
     ----------
@@ -56,7 +53,7 @@ class TimeOptimalControl(Method):
     Raises
     ------
     InvalidInput
-        If ``model`` is not a model, and for numbers out of range.
+        If ``model`` is not a speed model, or a number is out of range.
     """
 
     model: SpeedModel
@@ -71,16 +68,16 @@ class TimeOptimalControl(Method):
         check_model(self.model)
         horizon = integer_array("horizon", self.horizon)
         if horizon.size == 0 or horizon.ndim > 1 or not (horizon >= 1).all():
-            raise InvalidInput(f"horizon must be 1 sample or more, got {shown(self.horizon)}")
+            raise InvalidInput(f"horizon must be at least 1, got {shown(self.horizon)}")
         for name in ("period", "gain", "tolerance"):
             values = finite_array(name, getattr(self, name))
             if values.size == 0 or values.ndim > 1 or not (values > 0).all():
                 raise InvalidInput(f"{name} must be above 0, got {shown(getattr(self, name))}")
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers that are searched by default.
+        """Return the parameters that are tuned by default.
 
-        ``correction``: gain · period, the share of an error that is corrected in one period
+        ``correction``: gain · period: share of an error that is corrected in one period
         """
         if np.ndim(self.period):
             raise InvalidInput(f"TimeOptimalControl: period must be one number, got {self.period}")
@@ -92,7 +89,7 @@ class TimeOptimalControl(Method):
         )
 
     def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> TimeOptimalControl:
-        """Return the control with values (motions,) for some numbers. Raises InvalidInput for unknown names."""
+        """Return the control with values (motions,) of some parameters. Raises InvalidInput for unknown names."""
         changed = dict(values)
         if "correction" in changed:
             changed["gain"] = changed.pop("correction") / changed.get("period", self.period)
@@ -101,12 +98,15 @@ class TimeOptimalControl(Method):
     def follow(
         self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
     ) -> ResolvedMotion:
-        """Return motions from ``start``, broadcast against the numbers; ``tolerance`` has no effect.
+        """Return motions from ``start``, broadcast with the parameters; ``tolerance`` has no effect.
 
         Raises InvalidInput unless the task is one path of positions in the model's dimension.
         """
         if len(task.tasks) != 1 or task.targets.shape[1] != task.rows or task.rows != len(self.model.lower):
-            raise InvalidInput(f"TimeOptimalControl: path must be one of positions (..., {len(self.model.lower)})")
+            raise InvalidInput(
+                f"TimeOptimalControl: path must be one path of positions (..., {len(self.model.lower)}), got "
+                f"{len(task.tasks)} with {task.rows} equations"
+            )
         numbers = (self.horizon, self.period, self.gain)
         shape = np.broadcast_shapes(start.shape[:-1], *(np.shape(each) for each in numbers))
         q = np.broadcast_to(start, (*shape, task.arm.dof)).reshape(-1, task.arm.dof)
@@ -134,7 +134,7 @@ class TimeOptimalControl(Method):
 def _joint_motion(
     task: MotionTask, shape: tuple[int, ...], start: np.ndarray, runs: list[TimeOptimalRun | None]
 ) -> ResolvedMotion:
-    """Return the motions of joints that follow the tool in every run. They have as many samples as the task."""
+    """Return the joint motions that follow the tool of every run, with as many samples as the task."""
     count, samples, dof = len(runs), len(task.times), task.arm.dof
     shares = np.linspace(0.0, 1.0, samples)
     time = np.tile(task.times, (count, 1))

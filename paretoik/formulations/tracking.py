@@ -1,8 +1,8 @@
 """Tracking of a path as a pymoo problem over the self-motion manifold.
 
-An individual is a base motion on the path, and spline coordinates around it (``Encoding``). Every motion of the search
-follows the path, so that the search only has to satisfy the limits. The base motions are weighted-pseudoinverse
-roll-outs (Tringali & Cocuzza 2020, section 3.1.2), spread over the branches that exist.
+An individual is a base motion on the path, and a spline of self-motion around it (``Encoding``). Every motion of the
+search follows the path, so that the search only has to satisfy the limits. The base motions are weighted-pseudoinverse
+roll-outs (Tringali & Cocuzza 2020, section 3.1.2), spread over their branches.
 """
 
 from __future__ import annotations
@@ -51,15 +51,15 @@ from paretoik.trajectory.plan import MotionColdSearch, Plan, find_optima, resolv
 from paretoik.trajectory.tightening import hold_all
 from paretoik.trajectory.transcription import MotionProgram, motion_program
 
-# Base motions of ``Tracking``: the best roll-outs of every branch and others far from them, or the user's.
+# Base motions of ``Tracking``, from roll-outs; motions of the user.
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingOptions:
     """Settings of roll-outs and of the search."""
 
-    most: int = 256  # number of roll-outs on paths of at most ``samples`` samples; fewer on longer ones
-    samples: int = 101
+    most: int = 256  # number of roll-outs
+    samples: int = 101  # number of samples above which there are fewer roll-outs
     least: int = 64  # least number of roll-outs
     infeasible_share: float = 0.3  # largest share of infeasible parents: optima on limits are found sooner
 
@@ -68,7 +68,7 @@ OPTIONS = TrackingOptions()
 
 
 def sample_rollouts(task: MotionTask, rng: np.random.Generator) -> tuple[JointPaths, Objectives, np.ndarray]:
-    """Return roll-outs with F and causes, sorted by violation, then by non-domination."""
+    """Return roll-outs, F and causes of failure, sorted by violation, then by non-domination."""
     count = OPTIONS.most * OPTIONS.samples // len(task.times)
     q = rollout_starts(task, min(max(count, OPTIONS.least), OPTIONS.most), rng)
     F, limits, causes = evaluate_motions(task, task.motion(q))
@@ -80,7 +80,7 @@ def sample_rollouts(task: MotionTask, rng: np.random.Generator) -> tuple[JointPa
 
 
 def choose_bases(task: MotionTask, rollouts: JointPaths, count: int) -> Float[np.ndarray, "bases time dof"]:
-    """Return the best roll-outs of all branches, then the farthest in the better half of each."""
+    """Return each branch's best roll-out, then the farthest from these in the better halves."""
     branch = np.array(branch_labels(task.motion(rollouts)))
     members = [np.flatnonzero(branch == name) for name in dict.fromkeys(branch)]
     chosen = [int(rows[0]) for rows in members][:count]
@@ -142,7 +142,7 @@ class Tracking(Formulation, Differentiable):
     constraints
         Functions decorated with ``@constraint``.
     obstacles
-        Obstacles that the links stay clear of, by ``limits.clearance``.
+        Obstacles from which links keep the distance ``limits.clearance``.
     link_radius
         Radius [m] of the links, which are capsules.
     start
@@ -152,15 +152,15 @@ class Tracking(Formulation, Differentiable):
     cyclic
         Flag: whether the motion must close.
     differences
-        Discretisation of Motion. "spline" satisfies limits between samples too: ``violation_between`` is what a refined
-        motion still exceeds. "backward" and "central" are the papers': limits are satisfied at the samples only, and
+        Discretisation of motions. "spline" satisfies limits between samples too; ``violation_between`` is the violation
+        that remains after refinement. "backward" and "central", as in the papers, satisfy limits at samples only;
         ``Limits(margin=...)`` tightens them by a share of their ranges.
     coefficients
         Number of spline coefficients per direction of redundancy; None: 12, or fewer if there are few samples.
     bases
         Largest number of base motions.
     seed
-        Seed of the roll-outs that become base motions; part of the problem: genes mean the same in every run.
+        Seed of the roll-outs that become base motions; genes depend on it.
 
     Raises
     ------
@@ -176,7 +176,7 @@ class Tracking(Formulation, Differentiable):
     encoding: Encoding
     finer_than: Tracking | None = None
     computed_attributes = ("_rollouts", "encoding")
-    search_attributes = ("_encoded_with", "_rollout_values")  # their effects are in fingerprints by other attributes
+    search_attributes = ("_encoded_with", "_rollout_values")  # other attributes have their effects
     species_gene = 0  # the gene that selects the base motion
     follows_path = True
     navigate = navigate
@@ -240,7 +240,7 @@ class Tracking(Formulation, Differentiable):
         return finer
 
     def curve_points(self, motions: Motion) -> Float[np.ndarray, "points time dof"]:
-        """Return motions' curves at the problem's samples; NaN if a curve leaves the path."""
+        """Return motions' curves at the problem's samples; NaN if a curve cannot be retracted to the path."""
         try:
             return motions.at(self.task.times)
         except Infeasible:
@@ -249,7 +249,7 @@ class Tracking(Formulation, Differentiable):
         return np.concatenate([self.curve_points(motions[i : i + 1]) for i in range(len(motions))])
 
     def species(self, genes: Genes) -> Int[np.ndarray, " points"]:
-        """Return each individual's base motion. Only genes of the same base may be crossed."""
+        """Return the index of each individual's base motion. Only individuals of the same base mate."""
         return self.encoding.species(genes)
 
     @of_genes
@@ -258,10 +258,10 @@ class Tracking(Formulation, Differentiable):
         return self.task.motion(self.encoding.decode(self.task, genes)[0])
 
     def encode(self, motions: Motion) -> tuple[Genes, Float[np.ndarray, " points"]]:
-        """Return genes of motions on the path within bounds, and their distances [rad, arm's length].
+        """Return the genes nearest to motions on the path, and their motions' distances [rad, arm's length].
 
-        A motion is encoded around the base whose decoded genes are nearest in every joint at every sample. If they miss
-        it by much, use the motion itself.
+        A distance is the largest over joints and samples. A motion's base is the one with the smallest distance. If it
+        is large, use the motion itself.
         """
         check_motions(motions, self.task)
         motions = without_added_samples(self.task, motions)
@@ -274,7 +274,7 @@ class Tracking(Formulation, Differentiable):
         return np.clip(self.encoding.encode(self.task, np.asarray(labels), q), *self.encoding.bounds)
 
     def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> MaxiMinNSGA2:
-        """Return the algorithm of these genes: differential steps, smooth mutation, infeasible parents."""
+        """Return MaxiMinNSGA2 with differential crossover, smooth mutation and infeasible parents."""
         return MaxiMinNSGA2(
             pop_size=population,
             n_offsprings=offspring,
@@ -291,7 +291,7 @@ class Tracking(Formulation, Differentiable):
     def front_points(self, front: Front) -> Float[np.ndarray, "points time dof"]:
         """Return the joint positions of a front's motions."""
         if front.motions is None:
-            raise InvalidInput("front must have motions, got one without")
+            raise InvalidInput("front must have motions, got a front without motions")
         return self.motion_points(front.motions)  # type: ignore[arg-type]  # a front of motions holds Motion
 
     def motion_points(self, motions: Motion) -> Float[np.ndarray, "points time dof"]:
@@ -303,11 +303,11 @@ class Tracking(Formulation, Differentiable):
         return np.array(self.decode(genes).q)
 
     def genes(self, x: Float[np.ndarray, "points time dof"]) -> Genes:
-        """Return genes of motions on the path, as near as possible."""
+        """Return the genes nearest to motions on the path."""
         return self.encode(self.task.motion(x))[0]
 
     def individuals(self, x: Float[np.ndarray, "points time dof"], genes: Genes | None = None) -> Individuals:
-        """Return motions as individuals, without genes, which are inexact."""
+        """Return motions as individuals; without genes, because genes are inexact."""
         motions = self.task.motion(x)
         values = np.stack([o(motions) * o.sign for o in self.task.objectives], axis=1)
         return Individuals(
@@ -324,7 +324,7 @@ class Tracking(Formulation, Differentiable):
         )
 
     def exceeded(self, individuals: Individuals) -> list[str]:
-        """Return in words the limits of splines that individuals exceed between samples."""
+        """Return as text the limits that splines of individuals exceed between samples."""
         exceeds = ~(individuals.violation_between <= LIMIT_TOLERANCE) & self.tightens
         return [
             self.task.describe_between(individuals.motions[i : i + 1]) if each else "" for i, each in enumerate(exceeds)
@@ -357,7 +357,7 @@ class Tracking(Formulation, Differentiable):
         return np.stack([each.x for each in motions]), [each.program(natural) for each in motions]
 
     def values_between(self, front: Front, shares: Values) -> Float[np.ndarray, "gaps shares n_obj"]:
-        """Return minimised objectives of motions between neighbours of a front. inf if a motion is impossible."""
+        """Return minimised objectives between consecutive motions of a front; inf if impossible."""
         return values_between(self.task, self.front_points(front), shares)
 
     def branches(self, x: Float[np.ndarray, "points time dof"]) -> list[str]:

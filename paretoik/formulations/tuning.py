@@ -1,10 +1,10 @@
 """Tuning of a method that resolves motions, as a pymoo problem.
 
-An individual is a set of numbers of the method. It is judged by the motions from several starts, so that numbers that
-suit only one posture are not rated good. The motions of all individuals and starts are computed at once.
+An individual is a set of the method's parameters. It is judged by the motions from several starts, so that parameters
+must suit more than one posture. The motions of all individuals and starts are computed at once.
 
-Sources of the methods' numbers: Wan et al. 2018; Tringali & Cocuzza 2021, section 2.2; Kim et al. 2021. They all choose
-these numbers by hand; searching for them, with several objectives, is new.
+Sources of the parameters: Wan et al. 2018; Tringali & Cocuzza 2021, section 2.2; Kim et al. 2021. They all choose
+them by hand; tuning them for several objectives is new.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ OPTIONS = TuningOptions()
 
 
 class Tuning(Formulation):
-    """Find the numbers of a method along ``path``: a vectorised pymoo problem.
+    """Tune the parameters of a method on ``path``: a vectorised pymoo problem.
 
     It has no gradients: ``refine``, ``plan`` and ``epsilon_front`` refuse it.
 
@@ -68,34 +68,33 @@ class Tuning(Formulation):
     path
         Path, Task or several of them.
     method
-        Method of ``pk.methods``, or a ``TimeOptimalControl``; numbers that are not searched keep its values.
+        Method of ``pk.methods``, or a ``TimeOptimalControl``; parameters that are not tuned keep its values.
     parameters
-        Names of the method's numbers to search, with default ranges, or ``Parameter(name, lower, upper, scale=)``;
-        None: all of the method's own. Criteria add "gain of NAME" and, if they have an order, "priority of NAME".
-        "start" searches for the start too.
+        Parameters to tune: names, with default ranges, or ``Parameter(name, lower, upper, scale=)``; None: all of the
+        method. Criteria add "gain of NAME" and, if they have an order, "priority of NAME". "start" tunes the start too.
     objectives
         Objectives of the motions: any ``@objective``, and ``tracking_error``, ``limit_margin``, ``speed_ratio``,
         ``evaluations``, ``duration`` and ``distance_to(motion)``. Default: the first three and ``jerk``.
     starts
-        Postures (starts, dof) in which motions may begin, in some order; None: those on the path's first sample within
-        the limits, each after its nearest neighbour.
+        Postures (starts, dof) in which motions may begin, similar ones next to each other; None: sampled postures on
+        the path's first sample, within limits.
     judged_starts
-        Number of starts that judge an individual: those around its own if "start" is searched, otherwise spread evenly.
-        None: 5, but all given starts if "start" is not searched.
+        Number of starts from which an individual is judged: those around its own if "start" is tuned, otherwise spread
+        evenly over ``starts``. None: all given starts if "start" is not tuned, otherwise 5.
     judged_by
         Value of an objective over the starts: "worst" or "mean".
     constraints
-        Functions of the user decorated with ``@constraint``: an individual is infeasible if the motion from any of
-        its starts violates one.
+        User's functions decorated with ``@constraint``: an individual is infeasible if a motion from its starts
+        violates one.
     tolerance
-        Largest distance [m, rad] from the path; an individual beyond it from any of its starts is infeasible. None:
-        none.
+        Largest distance [m, rad] from the path: an individual is infeasible if a motion from its starts exceeds it.
+        None: no limit.
     obstacles
         Obstacles that criteria and objectives may use.
     link_radius
         Radius [m] of the links that criteria and objectives may use.
     seed
-        Seed of the starts; part of the problem.
+        Seed of the starts; genes depend on it.
 
     Raises
     ------
@@ -156,24 +155,24 @@ class Tuning(Formulation):
         if self.judged_starts > len(self.starts):
             raise InvalidInput(f"judged_starts must be from 1 to {len(self.starts)}, got {shown(judged_starts)}")
         super().__init__(*np.array([each.gene_bounds for each in self.parameters]).T)
-        # The first start raises the errors of the method and the objectives before any search.
+        # A motion from the first start raises errors of the method and the objectives before any search.
         motion = self._follow((self.xl + 0.5 * (self.xu - self.xl))[None], np.zeros((1, 1), dtype=int))
         for each in self.task.objectives:
             each(motion)
         self._violations(motion, 1)
 
     def values(self, genes: Genes) -> dict[str, np.ndarray]:
-        """Return the values (points,) of fields that genes (points, n_var) set, except ``start``."""
+        """Return the values (points,) of the method's fields that genes (points, n_var) set."""
         columns = zip(self.parameters, genes.T, strict=True)
         decoded = [(each, each.decode(column)) for each, column in columns if each.name != START.name]
         return {field: values for each, values in decoded for field in each.fields}
 
     def method(self, genes: Genes) -> Method:
-        """Return the method of genes (points, n_var), its numbers (points,)."""
+        """Return the method with the parameters (points,) of genes (points, n_var)."""
         return self.resolver.with_values(self.values(genes), self.task.times)
 
     def start_indices(self, genes: Genes) -> Int[np.ndarray, "points judged"]:
-        """Return indices of the starts that judge each individual. The first one is the individual's own start."""
+        """Return indices of the starts from which each individual is judged, its own start first."""
         count, judged = len(self.starts), np.arange(self.judged_starts)
         if not self._searches_start:
             return np.tile(judged * count // self.judged_starts, (len(genes), 1))
@@ -184,7 +183,7 @@ class Tuning(Formulation):
 
     @of_genes
     def decode(self, genes: Genes) -> ResolvedMotion:
-        """Return the motions (points, time, dof) of individuals from their own start, or the first."""
+        """Return the motions (points, time, dof) of individuals from their own starts."""
         return self._follow(genes, self.start_indices(genes)[:, :1])
 
     def explain(self, genes: Genes) -> list[str]:
@@ -210,7 +209,7 @@ class Tuning(Formulation):
         return method.follow(self.task, starts, tolerance=self.tolerance)
 
     def _violations(self, motion: ResolvedMotion, points: int) -> Float[np.ndarray, "points limits"]:
-        """Return each individual's largest violation of each limit over its starts, per range."""
+        """Return each individual's largest violation of each limit over its starts, as a share of its range."""
         columns = [each.violation(motion) for each in self.task.constraints]
         if self.tolerance is not None:
             columns.insert(0, np.abs(motion.traces.errors).max(axis=(-2, -1)) / self.tolerance - 1.0)
@@ -228,7 +227,7 @@ class Tuning(Formulation):
 
 
 def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"]:
-    """Return postures on the first sample within limits, in order of neighbourhood. Raises OutOfReach."""
+    """Return postures on the first sample, within limits if any, similar ones adjacent. Raises OutOfReach."""
     rng = np.random.default_rng(seed)
     candidates = sample_postures(task, OPTIONS.candidates, rng)
     if not len(candidates):
@@ -242,7 +241,7 @@ def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"
 def _checked_parameters(
     method: Method, parameters: Sequence[str | Parameter] | None, times: np.ndarray
 ) -> tuple[Parameter, ...]:
-    """Return the parameters to search. Raises InvalidInput for unknown names, fields set twice, and an empty list."""
+    """Return the parameters to tune. Raises InvalidInput for unknown names, fields set twice, and an empty list."""
     by_name = {each.name: each for each in (*method.parameters(times), START)}
     if isinstance(parameters, str | Parameter) or not isinstance(parameters, Sequence | None):
         raise InvalidInput(f"parameters must be a list of names and Parameters, got {shown(parameters)}")
@@ -250,12 +249,12 @@ def _checked_parameters(
     for each in method.parameters(times) if parameters is None else parameters:
         if not isinstance(each, Parameter) and each not in by_name:
             raise InvalidInput(
-                f"parameters must be {', '.join(by_name)}, or a Parameter(name, lower, upper), got {shown(each)}"
+                f"parameters must be among {', '.join(by_name)}, or a Parameter(name, lower, upper), got {shown(each)}"
             )
         chosen.append(each if isinstance(each, Parameter) else by_name[each])
     if not chosen:
         raise InvalidInput("parameters must be at least one, got none")
     names = [name for each in chosen for name in each.fields]
     if len(set(names)) != len(names):
-        raise InvalidInput(f"parameters must name each number once, got {', '.join(names)}")
+        raise InvalidInput(f"parameters must set each field once, got {', '.join(names)}")
     return tuple(chosen)

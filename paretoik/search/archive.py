@@ -19,9 +19,9 @@ from paretoik.search.objectives import EQUALITY_TOLERANCE, TOLERANCE, Floats, In
 class ArchiveOptions:
     """Settings of the archive."""
 
-    capacity: int = 20_000  # points; above this number a grid thins the archive
+    capacity: int = 20_000  # number of points above which a grid thins the archive
     distance_tolerance: float = 1e-9  # share of each objective's range; nearer points are duplicates
-    finest_grid: int = 2**16  # cells per axis at which thinning starts
+    finest_grid: int = 2**16  # number of cells per axis at which thinning starts
 
 
 OPTIONS = ArchiveOptions()
@@ -50,7 +50,7 @@ class Members:
 
 @dataclass(frozen=True)
 class Failures:
-    """Number of evaluations without a usable number, and the cause of the first."""
+    """Number of failed evaluations, and the cause of the first."""
 
     count: int = 0
     first_cause: str = ""
@@ -62,9 +62,9 @@ class Archive:
     A point that differs from an older one by less than 1e-9 of each range is a duplicate and is left out. Above
     ``capacity`` points only the oldest in each cell of a grid and the best of each objective remain.
 
-    tolerance, equality_tolerance: largest excess of a feasible point in constraints G ≤ 0 and H = 0, one number or one
-        per constraint
-    names: names of the objectives, to name in causes of failure
+    tolerance: largest G of a feasible point, one number or one per constraint
+    equality_tolerance: largest |H| of a feasible point, one number or one per constraint
+    names: names of the objectives for causes of failure
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class Archive:
 
     @property
     def least_violating(self) -> Members | None:
-        """The point with the least finite violation while none is feasible; otherwise None."""
+        """The point with the least finite violation; None if a feasible point was found."""
         return None if len(self) else self._least_violating
 
     def add(
@@ -112,7 +112,7 @@ class Archive:
         H: Float[np.ndarray, "points n_equalities"] | None = None,
         causes: Mapping[int, str] | None = None,
     ) -> None:
-        """Add evaluated points; ``causes``: reasons of failed evaluations, by id."""
+        """Add evaluated points. ``causes``: reasons of failed evaluations, by id."""
         G, H = (np.zeros((len(F), 0)) if table is None else table for table in (G, H))
         slack = column_tolerance("equality_tolerance", self._equality_tolerance, H.shape[1])
         tolerance = np.append(column_tolerance("tolerance", self._tolerance, G.shape[1]), np.zeros(H.shape[1]))
@@ -136,7 +136,7 @@ class Archive:
         # Feasible, non-dominated new points enter unless they are duplicates; old points that they dominate leave.
         old, new = new[:0] if self.members is None else self.members, new[violation <= 0.0]
         new = new[is_nondominated(np.concatenate((old.F, new.F)), keep_weakly=False)[len(old) :]]
-        # mask of new points that repeat an old point or an earlier new one, within the tolerance
+        # mask of new points that are duplicates of an old point or an earlier new one
         points = np.concatenate((old.F, new.F))
         close = np.tri(len(new.F), len(points), len(old.F) - 1, dtype=bool)  # only older ones count
         for axis in range(new.F.shape[1] if len(new.F) else 0):

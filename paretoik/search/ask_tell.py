@@ -38,7 +38,7 @@ class Candidates:
 
 
 def outcome_of(problem: Any, results: Mapping[str, Any], rows: int) -> dict[str, np.ndarray]:
-    """Return "F", "G", "H" and "cause" of individuals; missing numbers are NaN, the cause is "" without a failure."""
+    """Return "F", "G", "H" and "cause" of individuals: NaN if missing, and "" if nothing failed."""
     columns = {"F": problem.n_obj, "G": problem.n_ieq_constr, "H": problem.n_eq_constr}
     tables = {k: np.asarray(results.get(k, np.full((rows, size), np.nan))) for k, size in columns.items()}
     causes = [str(cause) if cause else "" for cause in results.get("cause", [""] * rows)]
@@ -83,15 +83,17 @@ class Search:
     - ``algorithm``: any pymoo genetic algorithm with its own sizes and settings (it is copied); None: the problem's
       own, or MaxiMinNSGA2
     - ``offspring``: children per generation; None: the algorithm's default, one per individual
-    - ``anchors``: number of first generations in which each objective is optimised separately; then all objectives are
-      searched together, from the best of each. The end of a front may be in a basin that is dominated except at its
-      bottom.
+    - ``anchors``: number of first generations in which each objective is searched separately; then all objectives are
+      searched together, from the best of each. This finds ends of a front in basins that are otherwise dominated.
 
-    It also has the attributes ``archive``: every non-dominated point so far; ``generation``: number of completed
-    generations, which is the index of the current one; ``evaluations``: number of evaluations in these, failed ones
-    too; ``population``: minimised objectives (individuals, n_obj) of the population, inf for failed individuals.
+    Further attributes:
 
-    Raises InvalidInput for an invalid size, seed, bound or initial gene, by name and value.
+    - ``archive``: all non-dominated points so far
+    - ``generation``: number of completed generations, which is the index of the current one
+    - ``evaluations``: number of evaluations in completed generations, including failed ones
+    - ``population``: minimised objectives (individuals, n_obj) of the population, inf for failed individuals
+
+    Raises InvalidInput, with name and value, for an invalid size, seed, bound or initial gene.
     """
 
     def __init__(
@@ -145,7 +147,7 @@ class Search:
 
     @property
     def failed(self) -> Failures:
-        """Count and first cause of evaluations without a usable number."""
+        """Number of failed evaluations, and the cause of the first."""
         return self.archive.failed
 
     @property
@@ -200,7 +202,7 @@ class Search:
         if numbers.ndim != 1:
             raise InvalidInput(f"ids must be a list of integers, got shape {numbers.shape}")
         if self._candidates is None:
-            raise InvalidInput("ids must be of an asked generation, got some before ask()")
+            raise InvalidInput("ids must be those of candidates from ask(), got ids before ask()")
         first, last = int(self._candidates.ids[0]), int(self._candidates.ids[-1])
         for number in numbers[(numbers < first) | (numbers > last)]:
             raise InvalidInput(f"ids must be among those asked, {first} to {last}, got {number}")
@@ -209,7 +211,7 @@ class Search:
         for row in unique[(counts > 1) | self._evaluated[unique]]:
             raise InvalidInput(f"ids must be told once each, got {first + row} again")
         if not isinstance(causes, Mapping | None):
-            raise InvalidInput(f"causes must be words by id, got {shown(causes)}")
+            raise InvalidInput(f"causes must be a mapping from ids to text, got {shown(causes)}")
         tables = {}
         for name, values in (("F", F), ("G", G), ("H", H)):
             table = np.empty((len(rows), 0)) if values is None else real_array(name, values)
@@ -256,7 +258,7 @@ class Search:
             self._algorithm = self._new_algorithm(initial)
 
     def _new_algorithm(self, initial: ArrayLike | None) -> Any:
-        """Return a new algorithm, ready for ``ask``; every stage has its own random numbers."""
+        """Return a new algorithm, ready for ``ask``. Every stage has its own random numbers."""
         if self._prototype is not None:
             algorithm = copy.deepcopy(self._prototype)
         elif hasattr(self.problem, "algorithm"):

@@ -22,11 +22,14 @@ from paretoik.search.objectives import Floats
 class Progress:
     """The state of a search after a generation; all objectives are minimised.
 
-    generation, evaluations: number of completed generations and of evaluations
+    generation: number of completed generations
+    evaluations: number of evaluations
     seconds: computing time
-    population: objectives of the population, which may have failed rows
-    front, ids: objectives and ids of the archive
-    past: fronts of earlier generations, newest last, as far back as the endings need
+    failed: failed evaluations
+    population: objectives of the population, inf for failed individuals
+    front: objectives of the archive
+    ids: ids of the archive
+    past: fronts of earlier generations that the endings need, newest last
     """
 
     generation: int
@@ -45,7 +48,7 @@ class Progress:
 
 
 def ideal_and_range(front: Objectives) -> tuple[Values, Values]:
-    """Return ideal and width (n_obj,) of a front; the width of an axis without range is its magnitude, or 1."""
+    """Return ideal and width (n_obj,) of a front. If values are equal, width is their magnitude, or 1 for 0."""
     ideal, width = front.min(axis=0), np.ptp(front, axis=0)
     return ideal, np.where(width > 0, width, np.where(ideal != 0, np.abs(ideal), 1.0))
 
@@ -53,8 +56,8 @@ def ideal_and_range(front: Objectives) -> tuple[Values, Values]:
 def normalised_hypervolume(F: Floats, ideal: Floats, width: Floats) -> float:
     """Return the hypervolume of ``F`` (points, n_obj), scaled so that ideal is 0 and ideal + width is 1.
 
-    The reference point is 1.1. The result is approximate above four objectives: exact values of a large archive take
-    minutes.
+    The reference point is 1.1 in every objective. The result is approximate above four objectives, because exact values
+    of a large archive take minutes.
     """
     n_obj = F.shape[1]
     return estimate_hypervolume((F - ideal) / width, np.full(n_obj, 1.1), np.ones(n_obj))
@@ -66,7 +69,7 @@ class Ending(Protocol):
 
     @property
     def memory(self) -> int:
-        """Number of past generations whose fronts it needs."""
+        """Number of past generations whose fronts are needed."""
 
     def reached(self, progress: Progress) -> str | None:
         """Return why the search ends now, or None."""
@@ -83,7 +86,7 @@ class Generations:
         check_size("generations", self.limit, 1)
 
     def reached(self, progress: Progress) -> str | None:
-        """Return "generations" after that many."""
+        """Return "generations" if the limit is reached."""
         return "generations" if progress.generation >= self.limit else None
 
 
@@ -98,13 +101,13 @@ class Evaluations:
         check_size("evaluations", self.limit, 1)
 
     def reached(self, progress: Progress) -> str | None:
-        """Return "evaluations" after that many."""
+        """Return "evaluations" if the limit is reached."""
         return "evaluations" if progress.evaluations >= self.limit else None
 
 
 @dataclass(frozen=True)
 class TimeLimit:
-    """Ends at the first generation after ``seconds`` of computing, without compilation."""
+    """Ends at the first generation after ``seconds`` of computing; compilation does not count."""
 
     seconds: float
     memory: ClassVar[int] = 0
@@ -114,17 +117,16 @@ class TimeLimit:
             raise InvalidInput(f"time limit must be more than 0 seconds, got {self.seconds}")
 
     def reached(self, progress: Progress) -> str | None:
-        """Return "time limit" once the time is over."""
+        """Return "time limit" if the time is over."""
         return "time limit" if progress.seconds >= self.seconds else None
 
 
 @dataclass(frozen=True)
 class Stagnation:
-    """Ends when the front has almost not changed over the last ``over`` generations.
+    """Ends when the front changed little over the last ``over`` generations.
 
-    That is: the archive's relative gain in hypervolume is below ``gain``, and neither ideal nor nadir moved by more
-    than that share of the range. Both fronts are measured with the current ranges. Generations before ``since`` do not
-    count.
+    The archive's hypervolume grew by less than the share ``gain``, and neither ideal nor nadir moved by more than that
+    share of the range. Both fronts are measured with the current ranges. Generations before ``since`` do not count.
     """
 
     gain: float = 1e-4
@@ -138,11 +140,11 @@ class Stagnation:
 
     @property
     def memory(self) -> int:
-        """Number of generations that it looks back."""
+        """Number of past generations whose fronts are needed."""
         return self.over
 
     def reached(self, progress: Progress) -> str | None:
-        """Return "stagnation" when the front stops changing."""
+        """Return "stagnation" if the front changed little."""
         is_early = progress.generation < self.since + self.over or len(progress.past) < self.over
         if is_early or not len(earlier := progress.past[-self.over]):
             return None
@@ -157,17 +159,17 @@ class Stagnation:
 
 @dataclass(frozen=True)
 class Target:
-    """Ends when a point of the front is at or below all ``values`` (minimised; inf: any value)."""
+    """Ends when a point of the front is at or below all ``values`` (minimised; inf allows any value)."""
 
     values: Sequence[float]
     memory: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         if np.isnan(real_array("target", self.values)).any():
-            raise InvalidInput(f"target must be one number per objective, got {tuple(self.values)}")
+            raise InvalidInput(f"target must be one number per objective, not NaN, got {tuple(self.values)}")
 
     def reached(self, progress: Progress) -> str | None:
-        """Return "target" when it is reached."""
+        """Return "target" if it is reached."""
         n_obj = progress.population.shape[1]
         if len(self.values) != n_obj:
             raise InvalidInput(f"target must have one number per objective ({n_obj}), got {len(self.values)}")

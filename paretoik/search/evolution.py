@@ -33,7 +33,7 @@ Evaluate: TypeAlias = Callable[[Genes], Mapping[str, Any]]
 
 
 def evaluate_problem(problem: Any, X: Genes) -> Mapping[str, Any]:
-    """Return the values of a pymoo problem; raises InvalidInput for values that pymoo would misread.
+    """Return the values of a pymoo problem. Raises InvalidInput for values that pymoo would misread.
 
     pymoo drops masks and imaginary parts, and reads numbers from text.
     """
@@ -55,16 +55,16 @@ class _CheckedEvaluation:
     problem: Any
 
     def __call__(self, x: Any, out: dict[str, Any], *arguments: Any, **named: Any) -> None:
-        """Evaluate; raises InvalidInput for values that are not real numbers."""
+        """Evaluate. Raises InvalidInput for values that are not real numbers."""
         type(self.problem)._evaluate(self.problem, x, out, *arguments, **named)
         for name in ("F", "G", "H"):
             for values in out[name] if isinstance(out.get(name), list | tuple) else [out.get(name)]:
-                # masked, complex and textual values are refused; pymoo checks the shape of others
+                # masked, complex and textual values are refused; pymoo checks the shapes of the others
                 wish = f"problem {type(self.problem).__name__}: {name} must be real numbers"
                 try:
                     kind = np.asarray(values).dtype.kind
                 except Exception as error:  # a foreign array may raise anything
-                    raise InvalidInput(f"{wish}, got {cause_of(error)}") from None
+                    raise InvalidInput(f"{wish}: {cause_of(error)}") from None
                 if np.ma.is_masked(values) or kind not in "fiubO":
                     fact = "masked ones" if np.ma.is_masked(values) else "complex ones" if kind == "c" else "text"
                     raise InvalidInput(f"{wish}, got {fact}")
@@ -73,7 +73,7 @@ class _CheckedEvaluation:
 def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Values:
     """Return "F", "G", "H" and "cause" of a batch; if it raises, evaluate row by row."""
     try:
-        ours = type(problem).__module__.startswith("paretoik.")  # these limit each user function themselves
+        ours = type(problem).__module__.startswith("paretoik.")  # our problems limit each user function
         with user_function("the problem"), nullcontext() if ours else limited_call("the problem"):
             return outcome_of(problem, evaluate(X.copy()), len(X))
     except EvaluationFailed as failure:
@@ -92,7 +92,7 @@ class EvaluationOptions:
     """Settings of evaluation.
 
     seconds: approximate time [s] between journal entries within a generation; the least is half of it
-    rows: number of rows per task of a worker, if a problem evaluates many at once; independent of the workers
+    rows: number of rows per task of a worker if a problem evaluates many at once; the same for any number of workers
     """
 
     seconds: float = 0.5
@@ -104,7 +104,7 @@ OPTIONS = EvaluationOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluation:
-    """How rows of a problem are evaluated; ``seconds``: time limit per row in workers."""
+    """Evaluation of a problem's rows. ``seconds``: time limit per row in workers."""
 
     problem: Any
     evaluate: Evaluate
@@ -123,7 +123,7 @@ class Evaluation:
 
     @property
     def uses_workers(self) -> bool:
-        """Whether rows go to workers; a problem's own runner already evaluates elsewhere."""
+        """Whether rows go to workers. They do not if the problem's own runner evaluates elsewhere."""
         return bool(workers()) and (self.runner is None or self.is_row_by_row)
 
     @property
@@ -132,7 +132,7 @@ class Evaluation:
         return 1 if self.is_row_by_row or self.seconds is not None else OPTIONS.rows
 
     def __call__(self, X: Genes) -> Values:
-        """Return the outcome of rows, also in a worker."""
+        """Return the outcome of rows. Workers call this too."""
         return evaluate_rows(self.problem, self.evaluate, X)
 
 
@@ -148,13 +148,13 @@ def evaluate_candidates(search: Search | Islands, candidates: Candidates, evalua
 
     def compute() -> Values:
         if candidates.generation == 0:
-            _check_rows_alone(evaluation, candidates.X)
+            _warn_of_dependent_rows(evaluation, candidates.X)
         return {**_evaluate(evaluation, candidates.X, of), "genes": genes}
 
     values = remembered(key_of("generation", *of), compute)
     if not np.array_equal(values["genes"], genes):
         raise InvalidRun(
-            f"generation {candidates.generation + 1} must have the genes in the run's journal, got others: "
+            f"generation {candidates.generation + 1} must have the genes in the run's journal, got other genes: "
             "the problem, a library's version or the processor has changed"
         )
     return values
@@ -209,7 +209,7 @@ def _joined(parts: Sequence[Values]) -> Values:
 
 
 def _evaluate_here(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[Values]:
-    """Yield the outcome of rows: all at once, or in groups that fit the time."""
+    """Yield the outcome of rows: all at once, or in groups that take limited time."""
     size = 1 if evaluation.is_row_by_row else max(len(X), 1)
     while len(rows):
         begin, part = time.monotonic(), rows[:size]
@@ -241,10 +241,10 @@ def _evaluate_in_workers(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterat
         groups, seconds = again, None
 
 
-def _check_rows_alone(evaluation: Evaluation, X: Genes) -> None:
+def _warn_of_dependent_rows(evaluation: Evaluation, X: Genes) -> None:
     """Warn if an individual's values depend on the other individuals in its batch.
 
-    Workers evaluate other batches: their values then differ, by rounding, from those without workers.
+    Workers evaluate other batches, so that their values then differ by rounding.
     """
     size = evaluation.rows_of_a_task
     if not evaluation.uses_workers or size == 1 or len(X) <= size:
@@ -256,8 +256,8 @@ def _check_rows_alone(evaluation: Evaluation, X: Genes) -> None:
     for name in ("F", "G", "H"):
         apart, together = np.concatenate([tables[0][name], tables[1][name]]), tables[2][name]
         if not np.array_equal(apart, together, equal_nan=True):
-            text = f"workers must get rows whose values do not depend on other rows, got a problem whose {name} does"
-            warn_user(f"{text}; without workers the results differ by rounding")
+            text = f"{name} of a row must be the same in every batch, got different values"
+            warn_user(f"{text}; results with workers differ from those without")
             return
 
 
@@ -273,9 +273,9 @@ def evolve(
     observe: Callable[[Progress], object] | None = None,
     improve: Callable[[Progress], Genes | None] | None = None,
 ) -> str:
-    """Run a search until the first of ``endings`` and return its reason; the result stays in ``search``.
+    """Run a search until one of ``endings`` is reached, and return its reason.
 
-    Ctrl-C ends it with "interrupted".
+    The result is in ``search``. Ctrl-C ends a search with "interrupted".
 
     evaluate: function of X that returns a mapping with "F", constraints "G" and "H", and optionally "cause", a reason
         of failure per row; by default the problem's own. If it raises, rows are tried one by one, and those that raise
@@ -304,7 +304,7 @@ def evolve(
             search.tell(ids, outcome["F"], outcome["G"], H=outcome["H"], causes=causes)
             if candidates.generation == 0 and search.failed.count == len(ids):
                 raise EvaluationFailed(
-                    f"first generation must have at least one number, got {len(ids)} failed evaluations, "
+                    f"first generation must have a successful evaluation, got {len(ids)} failed evaluations, "
                     f"the first with: {search.failed.first_cause}"
                 )
             if candidates.generation == 0:
@@ -325,7 +325,7 @@ def evolve(
 
 
 def progress_of(search: Search | Islands, past: tuple[Floats, ...], seconds: float) -> Progress:
-    """Return the progress of a search after ``seconds``, with ``past`` fronts."""
+    """Return the progress of a search after ``seconds``, with the ``past`` fronts."""
     return Progress(
         generation=search.generation,
         evaluations=search.evaluations,

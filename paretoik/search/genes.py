@@ -1,6 +1,6 @@
 """Genes of any kind: real numbers with or without bounds, and types for pymoo's own operators.
 
-If a gene has no finite bound, the search reaches one width of the population beyond its values.
+If a gene has no finite bound, the search reaches one population width beyond the population's values.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def widths_of(X: Genes) -> Float[np.ndarray, " genes"]:
 def within_reach(problem: Any, X: Genes, widths: Float[np.ndarray, " genes"]) -> Any:
     """Return a problem with finite bounds for operators of real genes.
 
-    A missing bound is one of ``widths`` beyond the genes X.
+    A missing bound is replaced by one that is ``widths`` beyond the genes X.
     """
     lower, upper = bounds_of(problem)
     if np.isfinite(lower).all() and np.isfinite(upper).all():
@@ -101,14 +101,14 @@ def within_reach(problem: Any, X: Genes, widths: Float[np.ndarray, " genes"]) ->
 def operators_for(problem: Any, crossover: Any, mutation: Any, *, binary: bool) -> tuple[Any, Any]:
     """Return pymoo's sampling and mating for genes that are not real numbers.
 
-    Given operators replace pymoo's. Genes are binary if ``binary``, else of the problem's type. Raises InvalidInput if
-    pymoo has no operator for such genes and none is given.
+    Given operators replace pymoo's. Genes are binary if ``binary``, otherwise of the problem's type. Raises
+    InvalidInput if an operator is neither given nor known to pymoo.
     """
     selection = TournamentSelection(func_comp=binary_tournament)
     if getattr(problem, "vars", None) is not None:
         if crossover is not None or mutation is not None:
             name = "crossover" if crossover is not None else "mutation"
-            raise InvalidInput(f"{name} must be None for named variables, as pymoo has one for each type, got {name}=")
+            raise InvalidInput(f"{name} must be None for named variables, because pymoo has its own, got an operator")
         duplicates = MixedVariableDuplicateElimination()
         return MixedVariableSampling(), MixedVariableMating(selection=selection, eliminate_duplicates=duplicates)
     sampling = None
@@ -140,7 +140,7 @@ def check_problem(problem: Any, *, initial: Any = None) -> None:
     if not has_real_genes(problem):
         raise InvalidInput(
             f"problem genes must be real numbers, got {problem.vtype or 'named variables'}; "
-            "pymoo.optimize.minimize with MaxiMinNSGA2 takes others"
+            "pymoo.optimize.minimize with MaxiMinNSGA2 takes other genes"
         )
     check_bounds(problem, initial=initial)
 
@@ -170,7 +170,8 @@ def check_bounds(problem: Any, *, initial: Any = None) -> None:
         if bound is None:
             if initial is None:
                 raise InvalidInput(
-                    f"problem.{name} must have one bound per gene ({problem.n_var}), got none; or give initial genes"
+                    f"problem.{name} must have one bound per gene ({problem.n_var}), got none; give bounds or initial "
+                    "genes"
                 )
             continue
         if not isinstance(bound, np.ndarray) or bound.shape != (problem.n_var,):
@@ -185,9 +186,9 @@ def check_bounds(problem: Any, *, initial: Any = None) -> None:
 
 
 def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial", *, tolerance: float = 1e-12) -> Floats:
-    """Return genes (points, genes) inside the bounds; values outside by ``tolerance`` of the range are clipped.
+    """Return genes (points, genes), clipped if they exceed bounds by at most ``tolerance`` of the range.
 
-    Raises InvalidInput for a wrong shape, a NaN, or a gene outside its bounds by more than rounding, with row and gene.
+    Raises InvalidInput for a wrong shape, a NaN, or a gene that exceeds its bounds by more, with row and gene.
     """
     X = np.atleast_2d(real_array(name, genes))
     if X.ndim != 2 or X.shape[1] != problem.n_var:
@@ -204,10 +205,10 @@ def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial", *, tole
 
 
 def seeded_population(problem: Any, size: int, initial: ArrayLike | None = None, *, rng: np.random.Generator) -> Floats:
-    """Return exactly ``size`` rows of genes: ``initial``, then the problem's own, then uniform in the bounds.
+    """Return exactly ``size`` rows of genes: ``initial``, then the problem's own, then random ones in the bounds.
 
-    ``problem.sample_starts(n, rng)`` and ``problem.self_motion_samples(n, rng)``, if it has them, each fill up to a
-    third. Equal rows are replaced; copies remain only if the box is too small for ``size`` different rows.
+    ``problem.sample_starts(n, rng)`` and ``problem.self_motion_samples(n, rng)``, if the problem has them, each give up
+    to a third. Equal rows are replaced; copies remain only if the bounds allow fewer than ``size`` different rows.
     """
     first = np.empty((0, problem.n_var)) if initial is None else checked_genes(problem, initial)
     if len(first) > size:

@@ -1,4 +1,4 @@
-"""Islands: separate populations in a ring; sometimes good individuals migrate to the next one.
+"""Islands: separate populations in a ring. At intervals, good individuals migrate to the next one.
 
 The candidates of all islands are evaluated together, to keep many workers busy. Each island has its own random numbers,
 all migrate after the same generations, and migrants are in the order of their ids: the result is the same bit for bit,
@@ -25,8 +25,8 @@ from paretoik.search.maximin import survivors
 class IslandOptions:
     """Settings of migration; migrants are spread over the front of their island.
 
-    epoch: number of generations between migrations; none while objectives are searched separately
-    share: share of a population that migrates, at least one individual
+    epoch: number of generations between migrations, which begin when all objectives are searched together
+    share: share of a population that migrates; at least one individual does
     """
 
     epoch: int = 10
@@ -37,10 +37,10 @@ OPTIONS = IslandOptions()
 
 
 class Islands:
-    """A number of islands, each a ``Search`` with the same arguments and its own seed, and one common archive.
+    """Islands with one common archive. Each is a ``Search`` with the same arguments and its own seed.
 
-    ``ask`` and ``tell`` work as in ``Search``, with all rows of a generation at a time. Raises InvalidInput as
-    ``Search`` does.
+    ``ask`` and ``tell`` work as in ``Search``, but ``tell`` takes all rows of a generation at once. Raises InvalidInput
+    as ``Search`` does.
     """
 
     def __init__(
@@ -82,12 +82,12 @@ class Islands:
 
     @property
     def failed(self) -> Failures:
-        """Count and first cause of evaluations without a usable number."""
+        """Number of failed evaluations, and the cause of the first."""
         return self.archive.failed
 
     @property
     def population(self) -> Objectives:
-        """Minimised objectives (individuals, n_obj) of all islands' populations; failed rows are inf."""
+        """Minimised objectives (individuals, n_obj) of all populations, inf for failed individuals."""
         return np.concatenate([search.population for search in self._searches])
 
     front_of = archive_front

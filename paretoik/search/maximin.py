@@ -2,10 +2,10 @@
 
 Distances are Euclidean in objectives normalised by the ideal and nadir of the feasible first rank (selection: Marcos et
 al. 2012). The distance at which a point is selected is its insertion distance; the starting points have inf. It depends
-on the order: also on an even front, the first half has twice the distance of the second. Tournaments therefore compare
-the spacing: the sum of a survivor's distances to its n_obj nearest neighbours of the same rank. MaxiMin gives an even
-spread at low cost; it does not maximise hypervolume. Above five objectives almost every point is non-dominated and
-distances mean little: use NSGA-III, or a preferred region with ``ranges``.
+on the order: on an evenly spaced front the half that is selected first has twice the distance of the other half.
+Tournaments therefore compare the spacing: the sum of a survivor's distances to its n_obj nearest neighbours of the same
+rank. MaxiMin gives an even spread at low cost; it does not maximise hypervolume. Above five objectives almost every
+point is non-dominated and distances mean little: use NSGA-III, or limit the region with ``ranges``.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ from paretoik.tables import html_representation
 
 @dataclass(frozen=True, kw_only=True)
 class InsertionOptions:
-    """Sizes at which each method computes the insertion order; all results are identical."""
+    """Sizes that decide how the insertion order is computed; all results are identical."""
 
-    matrix_limit: int = 1024  # points; up to this number all pairwise distances are computed at once (8 MB)
-    fewest_split: int = 192  # points; from this number splitting segments is faster than the greedy loop (measured)
+    matrix_limit: int = 1024  # number of points up to which all pairwise distances are computed at once (8 MB)
+    fewest_split: int = 192  # number of points from which splitting is faster than the greedy loop (measured)
     levels: int = 16  # levels of splitting; a front without a tail needs about 1.5 log2(points)
 
 
@@ -79,10 +79,7 @@ def squared_distances(Z: Floats, others: Floats) -> Floats:
 
 
 def nearest_squared(Z: Floats, others: Floats) -> Floats:
-    """Return squared distances (points,) to the nearest of ``others``.
-
-    They are computed in blocks, so that memory is bounded.
-    """
+    """Return squared distances (points,) to the nearest of ``others``, in blocks of bounded memory."""
     nearest = np.full(len(Z), np.inf)
     step = max(1, 1_000_000 // max(1, len(Z)))
     for first in range(0, len(others), step):
@@ -93,7 +90,7 @@ def nearest_squared(Z: Floats, others: Floats) -> Floats:
 def neighbour_distances(Z: Floats, groups: Integers, count: int) -> Floats:
     """Return each point's sum of distances to the ``count`` nearest of its group; inf if there are fewer.
 
-    ``groups`` (points,) are labels. Computed in blocks of bounded memory.
+    ``groups`` (points,) are labels. The sums are computed in blocks of bounded memory.
     """
     if len(Z) <= count:
         return np.full(len(Z), np.inf)
@@ -289,9 +286,10 @@ def _by_maximin(Z: Floats, ranks: Integers, is_beyond: Mask, count: int) -> tupl
 
 
 def _with_species(chosen: Integers, distance: Floats, ranks: Integers, species: Integers) -> tuple[Integers, Floats]:
-    """Replace the points of abundant species that were chosen last by the best of others.
+    """Return the choice, changed so that rare species have places.
 
-    Each species gets an equal part of at most half of the places.
+    All species share half of the places equally. The best points of rare species replace those points of abundant
+    species that were chosen last.
     """
     quota = chosen.size // 2
     best_first = np.lexsort((np.arange(len(ranks)), ranks))
@@ -322,11 +320,11 @@ class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
     "crowding" (their spacing), "insertion_distance" and CV, which is inf if an objective is not finite or a constraint
     is NaN.
 
-    - ``ranges``: (lower, upper), each one number per objective: a box of interest; a long steep tail then cannot drag
-      the population away
-    - ``infeasible_share``: share of survivors that may be infeasible, near the boundary
-    - ``tolerance``, ``equality_tolerance``: largest constraint excess of a feasible point, one number or one per
-      constraint
+    - ``ranges``: box of interest (lower, upper), each side one number per objective; points beyond its upper side, such
+      as a long steep tail, are chosen last
+    - ``infeasible_share``: largest share of infeasible survivors, those with the least violation
+    - ``tolerance``: largest G of a feasible point, one number or one per constraint
+    - ``equality_tolerance``: largest |H| of a feasible point, one number or one per constraint
 
     Raises InvalidInput for an invalid setting.
     """
@@ -360,7 +358,7 @@ class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
 
     def _do(self, problem: Any, pop: Any, *args: Any, n_survive: int, **kwargs: Any) -> Any:
         if self.ranges is not None and self.ranges.shape[1] != problem.n_obj:
-            raise InvalidInput(f"ranges must have {problem.n_obj} objectives, got {self.ranges.shape[1]}")
+            raise InvalidInput(f"ranges must have {problem.n_obj} columns (objectives), got {self.ranges.shape[1]}")
         F = column(pop, "F")
         G = column(pop, "G") if problem.n_ieq_constr else None
         H = column(pop, "H") if problem.n_eq_constr else None
@@ -391,5 +389,5 @@ def dominates(F: Floats, other: Floats) -> np.ndarray:
 
 
 def column(pop: Any, name: str) -> Floats:
-    """Return one attribute (X, F, G, H or CV) of pymoo's individuals, stacked; faster than ``pop.get``."""
+    """Return an attribute (X, F, G, H or CV) of pymoo's individuals as an array, faster than ``pop.get``."""
     return np.array([getattr(individual, name) for individual in pop], dtype=float)

@@ -1,7 +1,7 @@
 """MaxiMin survival, compiled: the algorithm of ``search/maximin`` on arrays that are allocated once.
 
-With two objectives, parents stay sorted by the first; while they are mutually non-dominated, only children that none of
-them dominates matter. The second part of the file is for three and more objectives.
+With two objectives, parents stay sorted by the first. If they are mutually non-dominated, children that one of them
+dominates are left out. The second part of the file is for three and more objectives.
 """
 
 from __future__ import annotations
@@ -77,14 +77,14 @@ def _inverse_range(width):
 def _insert_members(x, y, x_scale, y_scale, size, nearest, distance, stack):
     """Write the squared insertion distance of each member of a sorted rank.
 
-    ``nearest`` are the squared distances to points of better ranks. In a stretch between inserted members the farthest
+    ``nearest`` are the squared distances to points of better ranks. In a segment between inserted members the farthest
     member is inserted next; the rest of the front has no influence.
     """
     stack[0, 0], stack[0, 1] = 0, size
-    stretches = 1
-    while stretches > 0:
-        stretches -= 1
-        begin, end = stack[stretches, 0], stack[stretches, 1]
+    segments = 1
+    while segments > 0:
+        segments -= 1
+        begin, end = stack[segments, 0], stack[segments, 1]
         best, largest = begin, nearest[begin]
         for i in range(begin + 1, end):
             if nearest[i] > largest:
@@ -99,10 +99,10 @@ def _insert_members(x, y, x_scale, y_scale, size, nearest, distance, stack):
             dx, dy = (x[i] - x0) * x_scale, (y[i] - y0) * y_scale
             squared = dx * dx + dy * dy
             nearest[i] = squared if squared < nearest[i] else nearest[i]
-        stack[stretches, 0], stack[stretches, 1] = begin, best
-        stretches += np.int64(best > begin)
-        stack[stretches, 0], stack[stretches, 1] = best + 1, end
-        stretches += np.int64(end > best + 1)
+        stack[segments, 0], stack[segments, 1] = begin, best
+        segments += np.int64(best > begin)
+        stack[segments, 0], stack[segments, 1] = best + 1, end
+        segments += np.int64(end > best + 1)
 
 
 @compiled
@@ -133,9 +133,9 @@ def _distances_to_better_ranks(values, count, rank, split, members, size, x_scal
 def insertion_distances(objectives, count, x, y, distance, queue):
     """Write MaxiMin's squared insertion distance of each point of a sorted front; its ends have inf.
 
-    Between two inserted points the next one is the farthest from its nearer end; distances to either end are monotonic
-    along the front, so bisection finds it. Stretches wait in a queue and are independent, so that a processor can work
-    on several.
+    In a segment between two inserted points, the next one is farthest from the nearer of the two. The distance to
+    either is monotonic along the front, so that bisection finds it. Segments wait in a queue and are independent, so
+    that a processor can work on several.
     """
     first, second = objectives[0], objectives[1]
     x_scale, y_scale = _inverse_range(first[count - 1] - first[0]), _inverse_range(second[0] - second[count - 1])
@@ -145,8 +145,8 @@ def insertion_distances(objectives, count, x, y, distance, queue):
         y[k] = (second[k] - ideal_y) * y_scale
     distance[0] = distance[count - 1] = np.inf
     queue[0, 0], queue[0, 1] = 0, count - 1
-    taken, stretches = ZERO, np.uint64(count > 2)
-    while taken < stretches:
+    taken, segments = ZERO, np.uint64(count > 2)
+    while taken < segments:
         begin, end = np.uint64(queue[taken, 0]), np.uint64(queue[taken, 1])
         taken += ONE
         x0, y0, x1, y1 = x[begin], y[begin], x[end], y[end]
@@ -161,15 +161,15 @@ def insertion_distances(objectives, count, x, y, distance, queue):
         best, other = _distance_to_ends(x, y, low, begin, end), _distance_to_ends(x, y, low - ONE, begin, end)
         chosen = low - np.uint64((other >= best) & (low - ONE > begin))
         distance[chosen] = max(best, other)  # the distance of an end is 0
-        queue[stretches, 0], queue[stretches, 1] = np.int64(begin), np.int64(chosen)
-        stretches += np.uint64(chosen - begin > ONE)
-        queue[stretches, 0], queue[stretches, 1] = np.int64(chosen), np.int64(end)
-        stretches += np.uint64(end - chosen > ONE)
+        queue[segments, 0], queue[segments, 1] = np.int64(begin), np.int64(chosen)
+        segments += np.uint64(chosen - begin > ONE)
+        queue[segments, 0], queue[segments, 1] = np.int64(chosen), np.int64(end)
+        segments += np.uint64(end - chosen > ONE)
 
 
 @compiled
 def _distance_to_ends(x, y, k, begin, end):
-    """Return the squared distance of a point to the nearer end of a stretch."""
+    """Return the squared distance of a point to the nearer end of a segment."""
     to_begin = (x[k] - x[begin]) ** 2 + (y[k] - y[begin]) ** 2
     to_end = (x[end] - x[k]) ** 2 + (y[end] - y[k]) ** 2
     return min(to_begin, to_end)
@@ -260,7 +260,7 @@ def _is_dominated(F, rank, i):
 def select_by_distance(F, rank, capacity, chosen, distance, Z, nearest, members, begins, chosen_Z):
     """Choose ``capacity`` points rank by rank, always the farthest from all chosen; return their number.
 
-    Write their indices and squared insertion distances; failed points are not chosen.
+    Their indices and squared insertion distances are written; failed points are not chosen.
     """
     objectives, total = F.shape
     # objectives scaled by the ideal and nadir of the first rank
@@ -316,7 +316,7 @@ def select_by_distance(F, rank, capacity, chosen, distance, Z, nearest, members,
 
 @compiled
 def _choose_extremes(Z, members, capacity, chosen, distance, nearest):
-    """Choose the first points: minimisers of each axis' achievement function, weight 1e6 on other objectives."""
+    """Choose the minimiser of each axis' achievement function, with weight 1e6 on other objectives."""
     objectives, count = Z.shape[0], 0
     for axis in range(objectives):
         best, smallest = -1, np.inf
@@ -337,7 +337,7 @@ def _choose_extremes(Z, members, capacity, chosen, distance, nearest):
 
 @compiled
 def _update_nearest(Z, members, point, nearest):
-    """Update the distances of a rank's members to the nearest chosen point with a new chosen point."""
+    """Update the distances of a rank's members to the nearest chosen point for a new one."""
     for i in range(members.shape[0]):
         squared = 0.0
         for m in range(Z.shape[0]):

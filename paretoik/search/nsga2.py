@@ -37,23 +37,22 @@ from paretoik.search.maximin import MaxiMin, check_infeasible_share, column, dom
 from paretoik.search.objectives import EQUALITY_TOLERANCE, TOLERANCE, Integers
 from paretoik.tables import html_representation
 
-# Mating: tournaments, crossover within a species, mutation that may leave it.
+# Mating: tournaments, crossover within a species, mutation, and migration to another species.
 #
-# A problem may offer ``species(X) -> (points,)`` integer labels; children of two labels are infeasible, so only equal
-# labels mate. It may also offer ``species_gene``, the index of a gene whose integer part is the label, and
-# ``n_species``: crossover and mutation do not change that gene, but sometimes it jumps to another label. If the problem
-# offers ``translated(X, labels) -> X``, the offspring is translated to the new label, so that species learn from each
-# other.
+# A problem may offer ``species(X) -> (points,)``, integer labels. Children of two labels are infeasible, so only
+# individuals with equal labels mate. It may also offer ``species_gene``, the index of a gene whose integer part is the
+# label, and ``n_species``: crossover and mutation do not change that gene, but a few offspring get another label. If
+# the problem offers ``translated(X, labels) -> X``, their other genes are translated to the new label.
 
 
 @dataclass(frozen=True, kw_only=True)
 class MatingOptions:
     """Settings of mating; they have no source."""
 
-    # share of tournaments spread evenly over species: a species that is behind may win in the end
+    # share of tournaments that is spread evenly over species, because a worse species may win in the end
     even_share: float = 0.5
     migration_probability: float = 0.05  # probability that an offspring moves to another species
-    rounds: int = 20  # largest number of rounds of mating to get new offspring
+    rounds: int = 20  # largest number of rounds of mating until all offspring are new
 
 
 OPTIONS = MatingOptions()
@@ -74,8 +73,9 @@ class Parents:
 class BranchwiseMating:
     """pymoo mating on whole arrays: binary tournaments by rank, then spacing; then the two operators.
 
-    crossover, mutation: pymoo operators of real genes. With two parents, both win a tournament; with three, as for
-        ``Differential``, only the first does, and the others are drawn from its species.
+    crossover: pymoo operator of real genes. If it has two parents, both win a tournament; if three, as in
+        ``Differential``, only the first one does, and the others are drawn from its species.
+    mutation: pymoo operator of real genes
     infeasible_parents: whether an infeasible point beats a feasible one that it dominates
     """
 
@@ -88,9 +88,9 @@ class BranchwiseMating:
         self.widths: Values = np.zeros(1)  # width of the widest population so far, along every gene
 
     def do(self, problem: Any, pop: Any, n_offsprings: int, *, random_state: np.random.Generator, **kwargs: Any) -> Any:
-        """Return a pymoo population of ``n_offsprings`` that repeat neither each other nor their parents.
+        """Return a pymoo population of ``n_offsprings`` that differ from each other and from the parents.
 
-        If there are too few different genes, the last ones are copies. pymoo also passes ``algorithm``.
+        If there are too few different genes, the last ones are copies.
         """
         X = column(pop, "X")
         self.widths = np.maximum(self.widths, widths_of(X))
@@ -119,7 +119,7 @@ class BranchwiseMating:
         pool = np.concatenate([rng.permutation(len(parents.X)) for _ in range(-(-2 * matings // len(parents.X)))])
         rivals = pool[: 2 * matings].reshape(2, matings)
         labels, members = np.unique(parents.species, return_index=True)
-        if len(labels) > 1:  # some rivals are of one species; each species is equally likely
+        if len(labels) > 1:  # rivals of some tournaments are of one species; each species is equally likely
             even = np.less(rng.random(matings), OPTIONS.even_share)
             individuals = members[rng.integers(0, len(labels), size=int(even.sum()))]
             for rival in rivals:
@@ -154,7 +154,7 @@ class BranchwiseMating:
         return mutated
 
     def _select_winners(self, parents: Parents, a: Integers, b: Integers, rng: np.random.Generator) -> Integers:
-        """Return the index of each pair's better one: less violation, better rank, larger spacing, random."""
+        """Return the index of each pair's better one: less violation, better rank, larger spacing; random if tied."""
         won: Mask = np.zeros(len(a), dtype=bool)
         tied: Mask = np.ones(len(a), dtype=bool)
         for key in (parents.violation, parents.rank, -parents.spacing):
@@ -169,7 +169,7 @@ class BranchwiseMating:
 
 
 def _draw_from_species(species: Integers, individuals: Integers, rng: np.random.Generator) -> Integers:
-    """Return for each individual a random one of its species, possibly itself."""
+    """Return a random member of each individual's species, possibly itself."""
     by_species = np.argsort(species, kind="stable")
     labels, first, sizes = np.unique(species[by_species], return_index=True, return_counts=True)
     group = np.searchsorted(labels, species[individuals])
@@ -183,14 +183,15 @@ def _draw_from_species(species: Integers, individuals: Integers, rng: np.random.
 class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no types
     """NSGA-II whose survival is MaxiMin; for ``pymoo.optimize.minimize``, pymoo's ask and tell, and ``Search``.
 
-    Genes may be of any kind: real numbers without bounds need ``sampling``; pymoo's own operators sample and vary
-    integers, binary and named variables. Genes are also binary if ``sampling`` is, as pymoo's ZDT5 needs.
+    Genes may be of any kind. Real numbers without bounds need ``sampling``. pymoo's own operators sample and vary
+    integers, binary and named variables. Genes are binary, too, if ``sampling`` is, as pymoo's ZDT5 needs.
 
     - ``pop_size``: individuals, at least 4
     - ``n_offsprings``: offspring per generation; None: as many as individuals
-    - ``sampling``: start of the first population: genes, a pymoo Sampling or a Population, whose evaluated individuals
-      are not evaluated again; ``seeded_population`` fills it up to ``pop_size``
-    - ``crossover`` (two parents), ``mutation``: pymoo operators, by default SBX(eta=15, prob=0.9) and PM(eta=20)
+    - ``sampling``: first individuals: genes, a pymoo Sampling or a Population, whose evaluated individuals are not
+      evaluated again; ``seeded_population`` adds the others
+    - ``crossover``: pymoo operator of two or three parents; None: SBX(eta=15, prob=0.9)
+    - ``mutation``: pymoo operator; None: PM(eta=20)
     - ``ranges``, ``infeasible_share``, ``tolerance``, ``equality_tolerance``: see ``MaxiMin``
 
     Raises InvalidInput for an invalid size or bound, and for a misspelt option of pymoo's ``minimize``.
@@ -215,7 +216,7 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
         check_sampling(sampling)
         for name, operator, kind in (("crossover", crossover, Crossover), ("mutation", mutation, Mutation)):
             if operator is not None:
-                check_instance(name, operator, kind, "an operator of pymoo's or None")
+                check_instance(name, operator, kind, "a pymoo operator or None")
         branchwise = BranchwiseMating(
             SBX(eta=15, prob=0.9) if crossover is None else crossover,
             PM(eta=20) if mutation is None else mutation,
@@ -246,7 +247,7 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
     _repr_html_ = html_representation
 
     def setup(self, problem: Any, **options: Any) -> Any:
-        """Prepare for a problem; the options are pymoo's (seed, termination, callback, verbose, ...)."""
+        """Prepare for a problem. ``options``: those of pymoo (seed, termination, callback, verbose, ...)."""
         check_sizes(problem)
         binary = samples_bits(self.sampling)
         if has_real_genes(problem) and not binary:
@@ -270,13 +271,15 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
             X = seeded_population(self.problem, self.pop_size, X, rng=self.random_state)
             by_genes = {np.asarray(individual.X, dtype=float).tobytes(): individual for individual in individuals}
             return Population([by_genes.get(row.tobytes()) or Individual(X=row) for row in X])
-        # genes that are not real numbers: given ones, then pymoo's samples
+        # genes that are not real numbers: given ones, then samples by pymoo
         sampling, mating = self._own_operators
         first = initial if isinstance(initial, Population) else Population.new("X", [] if initial is None else initial)
         if len(first) > self.pop_size:
             raise InvalidInput(f"sampling must have at most {self.pop_size} individuals, got {len(first)}")
         if len(first) < self.pop_size and sampling is None:
-            raise InvalidInput(f"sampling must have {self.pop_size} individuals for such genes, got {len(first)}")
+            raise InvalidInput(
+                f"sampling must have all {self.pop_size} individuals, got {len(first)}: pymoo cannot sample such genes"
+            )
         for attempt in range(11):
             if len(first) < self.pop_size:
                 more = sampling.do(self.problem, self.pop_size - len(first), random_state=self.random_state)

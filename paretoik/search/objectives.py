@@ -30,13 +30,13 @@ def violations(
     tolerance: ArrayLike = TOLERANCE,
     equality_tolerance: ArrayLike = EQUALITY_TOLERANCE,
 ) -> Floats:
-    """Return each point's sum of constraint excesses: 0 is feasible, inf means no usable number.
+    """Return each point's sum of constraint excesses: 0 if it is feasible, inf if it failed.
 
-    F: objectives (points, n_obj); one that is not finite makes the violation inf
-    G: inequality constraints (points, n_ieq), G <= 0, divided by each limit's range; a NaN makes the violation inf
-    H: equality constraints (points, n_eq), H = 0; a NaN makes the violation inf
-    tolerance, equality_tolerance: excess up to which a constraint counts as satisfied, one number or one per column; a
-        larger excess counts in full
+    F: objectives (points, n_obj); the point failed if one is not finite
+    G: inequality constraints (points, n_ieq), G <= 0, divided by each limit's range; the point failed if one is NaN
+    H: equality constraints (points, n_eq), H = 0; the point failed if one is NaN
+    tolerance: largest G that counts as 0, one number or one per column; a larger one counts in full
+    equality_tolerance: largest |H| that counts as 0, one number or one per column; a larger one counts in full
     """
     total = np.zeros(len(F))
     with np.errstate(invalid="ignore"):
@@ -54,7 +54,7 @@ def violations(
 
 
 def check_tolerance(name: str, tolerance: object) -> Floats:
-    """Return a tolerance (one or one per constraint) as floats; raises InvalidInput for a negative one or NaN."""
+    """Return a tolerance, one or one per constraint, as floats. Raises InvalidInput for a negative one or NaN."""
     values = real_array(name, tolerance)
     if values.ndim > 1 or not (values >= 0).all():
         raise InvalidInput(f"{name} must be numbers >= 0, got {shown(values.tolist())}")
@@ -62,7 +62,7 @@ def check_tolerance(name: str, tolerance: object) -> Floats:
 
 
 def column_tolerance(name: str, tolerance: ArrayLike, columns: int) -> Floats:
-    """Return one tolerance per constraint; raise InvalidInput for a wrong count, a negative one or NaN."""
+    """Return one tolerance per constraint. Raises InvalidInput for a wrong count, a negative one or NaN."""
     values = check_tolerance(name, tolerance)
     if values.shape not in ((), (columns,)):
         raise InvalidInput(f"{name} must be one number or one per constraint ({columns}), got shape {values.shape}")
@@ -73,7 +73,7 @@ def column_tolerance(name: str, tolerance: ArrayLike, columns: int) -> Floats:
 
 
 def describe_objectives(problem: Any) -> tuple[tuple[str, ...], tuple[str, ...], tuple[bool, ...]]:
-    """Return names, units and senses of a problem's objectives; default: f1, f2, ..., minimised.
+    """Return names, units and senses of a problem's objectives; by default f1, f2, ..., minimised.
 
     Raises InvalidInput for entries that a front cannot have.
     """

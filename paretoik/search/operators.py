@@ -1,4 +1,4 @@
-"""The genetic algorithm of Marcos et al. 2012 (4.1, 4.2): row crossover, one gene replaced, an elite of one."""
+"""Operators for smooth genes, and the genetic algorithm of Marcos et al. 2012 (sections 4.1 and 4.2)."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class VariationOptions:
     """Settings of crossover and mutation of smooth genes; they have no source."""
 
     factors: tuple[float, ...] = (0.3, 0.6, 1.0)  # shares of the difference that crossover adds
-    widths: tuple[float, float] = (0.5, 8.0)  # genes: standard deviation of a bump, log-uniform
-    amplitudes: tuple[float, float] = (0.003, 0.2)  # of a gene's range: size of a bump, log-uniform
+    widths: tuple[float, float] = (0.5, 8.0)  # number of genes: width of a bump, log-uniform
+    amplitudes: tuple[float, float] = (0.003, 0.2)  # share of a gene's range: size of a bump, log-uniform
 
 
 OPTIONS = VariationOptions()
@@ -37,7 +37,7 @@ OPTIONS = VariationOptions()
 class Differential(Crossover):  # type: ignore[misc]  # pymoo has no types
     """One offspring of three parents: the first plus a share of the difference of the other two.
 
-    These steps have the size and the shape of the population, even if genes are badly scaled.
+    Steps follow the spread of the population, even if genes are badly scaled.
     Source: Storn & Price 1997; with NSGA-II's selection as in Robic & Filipic 2005.
     """
 
@@ -112,9 +112,9 @@ class Seeded(Sampling):  # type: ignore[misc]  # pymoo has no types
 
 
 class RowCrossover(Crossover):  # type: ignore[misc]  # pymoo has no types
-    """Single-point crossover of every row of ``row`` genes: two parents exchange the genes behind the row's point.
+    """Single-point crossover in every row of genes: two parents exchange the genes behind the row's point.
 
-    A row of one gene is exchanged or not. None means one row of all genes.
+    row: number of genes per row; None: all genes. A row of one gene is exchanged or not.
     """
 
     def __init__(self, row: int | None = None) -> None:

@@ -44,7 +44,7 @@ def test_what_cannot_be_planned_is_refused_before_any_work():
     way = pk.PointToPoint(arm, motors, (0.1, -0.15), (0.2, -0.15), samples=9, coefficients=5, bases=4)
     with pytest.raises(pk.InvalidInput, match="problem must be a Tracking, got PointToPoint; epsilon_front or solve"):
         pk.plan(way)
-    with pytest.raises(pk.InvalidInput, match="plan: the problem must have gradients, such as Tracking, got Tuning"):
+    with pytest.raises(pk.InvalidInput, match="plan: the problem must have gradients, as Tracking has, got Tuning"):
         pk.plan(pk.Tuning(pk.arms.tringali_3r(), PATH, pk.methods.DampedLeastSquares(), judged_starts=1))
 
 

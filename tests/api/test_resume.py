@@ -207,7 +207,7 @@ def test_genes_that_the_search_does_not_ask_for_again_are_refused(copy):
     causes = {"failed": np.zeros(0, int), "causes": np.zeros(0, "U1")}
     journal.append(key_of("generation", names, 2, 0), foreign | causes)
     journal.close()
-    with pytest.raises(InvalidRun, match="generation 1 must have the genes in the run's journal, got others"):
+    with pytest.raises(InvalidRun, match="generation 1 must have the genes in the run's journal, got other genes"):
         pk.resume(copy, tracking())
     assert len(pk.load_front(copy, tracking())) > 0
 

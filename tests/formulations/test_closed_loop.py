@@ -85,7 +85,7 @@ def whole(motion):
         ({"start": [4.0, 0.0, 0.0], "limits": pk.Limits(position=3.0)}, "start: .* must be from -3 to 3, got 4"),
         (
             {"obstacles": [pk.obstacles.Circle([1.2, 0.5], 1.0)]},
-            "start: must be clear of obstacles, got -.* from obstacle 1 of 1",
+            "start must be clear of obstacles, got a posture .* m too near obstacle 1 of 1",
         ),
         ({"limits": pk.Limits(torque=3.0)}, "limits in a closed loop must be on position, .*, got torque"),
         ({"objectives": [elbow, whole]}, "objective whole must be of form integral or peak, .* whole motion"),
@@ -100,7 +100,7 @@ def test_what_cannot_be_used_is_named(settings, said):
 
 def test_a_loop_is_not_one_search_and_the_error_names_what_is():
     loop = small(3)
-    words = r"got a ClosedLoop: pk.solve\(loop\) follows it, loop.control_step\(k\) is the pymoo problem of step k"
+    words = r"got a ClosedLoop; use pk.solve\(loop\), or loop.control_step\(k\), the pymoo problem of step k"
     for search in (
         lambda: pk.Search(loop),
         lambda: minimize(loop, NSGA2(), ("n_gen", 2)),

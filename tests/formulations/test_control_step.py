@@ -138,7 +138,7 @@ def total(step):
 ELBOW = [np.cos(posture(3)[0]), np.sin(posture(3)[0])]  # m, the end of the first link
 NOT_OF_A_STEP = {
     "sample must be at most 6, the path's last, got 7": {"sample": 7},
-    "q: must be clear of obstacles, got -": {"obstacles": [pk.obstacles.Circle(ELBOW, 0.1)]},
+    "q must be clear of obstacles, got a posture ": {"obstacles": [pk.obstacles.Circle(ELBOW, 0.1)]},
     "q must be at most 1e.* rad or m, got 1e": {"q": [[1e308, 0.0, 0.0], posture(3)]},
     "limits in a control step must be on position, velocity and clearance, got torque": {
         "limits": pk.Limits(torque=1.0)

@@ -191,7 +191,7 @@ def middling(motion):
             r"objective misshapen \(integral\) must return shape .*, here \(4, 9\), got \(4, 9, 3\)",
         ),
         (lambda: way([middling]).program(), "objective middling: .*median"),
-        (lambda: posture([pk.kinetic_energy]), "kinetic_energy must be a function of the posture"),
+        (lambda: posture([pk.kinetic_energy]), "kinetic_energy must depend on the posture"),
     ],
 )
 def test_what_cannot_be_served_is_refused_by_name(make, message):

@@ -158,7 +158,7 @@ def test_spatial_arms_push_as_hard_as_they_can_in_any_posture():
     ("changed", "message"),
     [
         ({"quantity": ["force"]}, r"a list of 2, one per direction, got \['force'\]"),
-        ({"power": True}, "power must be False with forces only, since they take none at rest, got True"),
+        ({"power": True}, "power must be False if all quantities are forces, got True"),
     ],
 )
 def test_what_cannot_be_is_refused_by_name(changed, message):
@@ -168,12 +168,12 @@ def test_what_cannot_be_is_refused_by_name(changed, message):
 
 def test_forces_that_no_motor_bounds_are_refused_by_direction():
     endless = pk.capability.MotorCurve(stall=[np.inf] * 3, fastest=[1.0] * 3)
-    with pytest.raises(InvalidInput, match="must have a motor with a finite stall, to bound forces, got none"):
+    with pytest.raises(InvalidInput, match="must have a motor with a finite stall, got none"):
         forces(pk.capability.JointActuation(motors=endless))
     first = pk.capability.MotorCurve(stall=[12.3, np.inf, np.inf], fastest=[1.0] * 3)
     one = pk.capability.JointActuation(motors=first)  # bears no force that points away from it
     assert np.isfinite(forces(one).sizes).all()
-    with pytest.raises(InvalidInput, match=r"direction 2 must load some motor of Kim 3R, got \["):
+    with pytest.raises(InvalidInput, match=r"direction 2 must load a motor of Kim 3R, got \["):
         forces(one, [WAYS[0], PLACE])
 
 

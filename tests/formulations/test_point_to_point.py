@@ -129,7 +129,7 @@ def test_spatial_arms_are_served():
 @pytest.mark.usefixtures("unchecked")
 def test_impossible_motions_are_refused_by_name():
     arm, motors = pk.arms.kim_3r(), pk.capability.kim_joint_motors()
-    with pytest.raises(InvalidInput, match="target must be another place than the start"):
+    with pytest.raises(InvalidInput, match="target must differ from start"):
         pk.PointToPoint(arm, motors, START, START)
     with pytest.raises(InvalidInput, match="coefficients must be at most 5"):
         pk.PointToPoint(arm, motors, START, TARGET, samples=5, coefficients=6)

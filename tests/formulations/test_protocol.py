@@ -76,6 +76,6 @@ def test_a_problem_without_a_program_has_no_gradients_and_the_verb_is_named():
     assert require_program("refine", problem) is problem
     with pytest.raises(
         InvalidInput,
-        match=r"refine: the problem must have gradients, .* got ZDT1, which offers no program\(\)",
+        match=r"refine: the problem must have gradients, .* got ZDT1 without program\(\)",
     ):
         require_program("refine", PLAIN)

@@ -224,9 +224,9 @@ def test_a_users_constraint_holds_from_every_start_or_the_individual_is_infeasib
         ({"objectives": [measures.evaluations]}, "evaluations: method must look ahead"),
         (
             {"parameters": ["feed"]},
-            "parameters must be feedback, region, damping, buffer, repulsion, band, gain of joint_limit_",
+            "parameters must be among feedback, region, damping, buffer, repulsion, band, gain of joint_limit_",
         ),
-        ({"parameters": ["band", "band"]}, "parameters must name each number once, got band, band"),
+        ({"parameters": ["band", "band"]}, "parameters must set each field once, got band, band"),
         (
             {
                 "method": methods.GradientProjection(
