@@ -316,7 +316,7 @@ class _Reader:
         return values[0] if values else None
 
     def origin(self, element: Element) -> Pose | None:
-        """Return the pose of a child ``<origin>``; the identity if there is none, None if it has a fault."""
+        """Return the pose of a child ``<origin>``, or the identity without one; None if it has a fault."""
         origin = self.child(element, "origin")
         if origin is None:
             return ORIGIN

@@ -1,8 +1,8 @@
-"""A motion of expressions, from which functions get exact derivatives.
+"""A motion of expressions, which gives exact derivatives of functions.
 
 An objective is one NumPy function. A call with a ``TracedMotion`` records its computation, from which exact
 derivatives of any order follow. Most functions depend on one sample at a time: position, velocity, acceleration and
-jerk of a sample give one value. They are traced once for all samples; the others with all samples as inputs.
+jerk of a sample give one value. They are traced once for all samples; others are traced with all samples as inputs.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class TracedMotion:
     Functions get this motion when derivatives are taken.
     """
 
-    task: Any  # MotionTask, or a stand-in for one
+    task: Any  # MotionTask, or an object with the same attributes
     trace: Trace
     q: TracedArray
     dq: TracedArray
@@ -60,7 +60,7 @@ class TracedMotion:
             raise AttributeError(name)
         names = [each for each in {*dir(Motion), *Motion.__dataclass_fields__} if not each.startswith("_")]
         if name not in names:
-            raise InvalidInput(f"motion.{name} must be a field of motions, got none{likely_spelling(name, names)}")
+            raise InvalidInput(f"motion.{name} must be a field of motions{likely_spelling(name, names)}")
         raise InvalidInput(f"motion.{name} has no derivative here")
 
     def __len__(self) -> int:
@@ -227,7 +227,7 @@ def trace_sample(
 
     scales: divisors of the inputs, which are joints and their rates
     duration: divisor of means over time [s], None for the task's duration
-    own_times: whether motions have only the task's arm and number of samples; the duration is then the last input
+    own_times: whether motions have their own times and follow no task; the duration is then the last input
 
     The sample is for functions that depend on one sample at a time.
     """
@@ -236,7 +236,7 @@ def trace_sample(
 
 
 def trace_sample_again(motion: TracedMotion, scales: Float[np.ndarray, " dof"] | float = 1.0) -> TracedMotion:
-    """Return one sample of another motion of the task. It is on the same tape and has its own inputs."""
+    """Return one sample of another motion of the task, on the same tape and with its own inputs."""
     return _trace_inputs(motion.task, motion.trace, (), scales, motion.seconds, None)
 
 
@@ -260,7 +260,7 @@ def _trace_inputs(
     seconds: float | None,
     steps: tuple[int, ...] | None,
 ) -> TracedMotion:
-    """Return a motion of new inputs: joints and rates of a ``shape``, then its ``steps``, if any."""
+    """Return a motion of new inputs: joints and their rates of this ``shape``, then ``steps``, if any."""
 
     def inputs(factor: Any, *size: int) -> TracedArray:
         return TracedArray(trace, (factor * trace.inputs(*size)).entries, shared=True)
@@ -283,7 +283,7 @@ def trace_motion_function(
     try:
         array = _real_value(motion, name, function)
         if array.shape != shape:
-            raise InvalidInput(f"({form}) must return shape {wish} where derivatives are taken, got {array.shape}")
+            raise InvalidInput(f"({form}) must return shape {wish} for derivatives, got {array.shape}")
     except InvalidInput as error:
         raise InvalidInput(f"{name}: {error}") from None
     return list((array.entries if isinstance(array, TracedArray) else array).ravel())
@@ -301,7 +301,7 @@ def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[A
             return Expression(tape, as_entry(tape, array.entries))
         if isinstance(array, np.ndarray) and array.shape in ((), (motion.trace.samples,)):
             return motion.trace.parameter(array) if array.ndim else float(array)
-        raise InvalidInput(f"must return one number a sample where derivatives are taken, got shape {array.shape}")
+        raise InvalidInput(f"must return one number per sample for derivatives, got shape {array.shape}")
     except NotLocal:
         return None
     except InvalidInput as error:
