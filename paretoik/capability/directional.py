@@ -128,7 +128,7 @@ def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
     """Return the requested maxima. Raises OutOfReach, SolverFailed and Infeasible as the verb does."""
     arm, actuation, quantity, directions = query.arm, query.actuation, query.quantity, query.directions
     position, rng, table = query.position, np.random.default_rng(query.seed), _planar_table(arm)
-    # Each direction's best posture: a search all around for planar arms of three joints, ascent for others.
+    # The best posture of each direction: planar arms of three joints search all postures, others ascend from starts.
     if table is None:
         starts = sample_holdable_postures(arm, actuation, position, query.starts, rng)
         q = maximise_from(arm, actuation, position, directions, quantity, starts)
@@ -179,7 +179,7 @@ def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
 
 
 def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directions task"]:
-    """Return a number of evenly spread unit vectors, or the given ``directions`` scaled to length 1."""
+    """Return this number of evenly spread unit vectors, or the given ``directions`` scaled to length 1."""
     if isinstance(directions, int | np.integer) and not isinstance(directions, bool):
         check_size("directions", directions, 1)
         share = (np.arange(directions) + 0.5 * (task == 3)) / directions
@@ -198,5 +198,5 @@ def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directi
     vectors = vectors / np.where(size > 0, size, 1.0)  # scaled first, because squares may overflow or underflow
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     if not length.all():
-        raise InvalidInput(f"directions must be longer than 0, got one of 0 at index {int(np.argmin(length))}")
+        raise InvalidInput(f"directions must be longer than 0, got length 0 at index {int(np.argmin(length))}")
     return vectors / length

@@ -27,8 +27,8 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.arm_arguments import TOOL_FRAME
 from paretoik.robot.dynamics import gravity_torques
 
-# Least time and work of a motion in closed form: the slowest motor, under gravity halfway, sets each interval.
-# Quasi-static, as in Kim, Choi & Jang 2021: torques of inertia are not counted.
+# Least time and work of a motion in closed form: the slowest motor determines each interval, under gravity at its
+# midpoint. Quasi-static, as in Kim, Choi & Jang 2021: torques of inertia are not counted.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,8 +38,7 @@ class Timing:
     intervals: times (*batch, intervals) [s]; NaN if a motor cannot bear its effort
     travel: travel of motors (*batch, intervals, motors, dof) [rad or m]
     effort: effort of motors (*batch, intervals, motors, dof) [N m or N]
-    overload: excess of the worst effort, in intervals or at samples, over its motor's capacity as a share (*batch,);
-        negative without any
+    overload: largest effort, in intervals or at samples, as a share of its motor's capacity, minus 1 (*batch,)
     """
 
     intervals: Float[np.ndarray, "*batch intervals"]
@@ -65,7 +64,8 @@ class Timing:
     def lateness(self, allowed: Float[np.ndarray, "*batch coarse"]) -> Float[np.ndarray, "*batch"]:
         """Return the largest lack of time of coarser intervals, as a share of their mean.
 
-        Each coarse interval has equally many fine intervals; one that no motor can bear does not count.
+        Each coarse interval has equally many fine intervals; one with a motor that cannot bear its effort does not
+        count.
         """
         shortest = self.intervals.reshape(*allowed.shape, -1).sum(axis=-1)
         late = np.nan_to_num(shortest - allowed, nan=0.0).max(axis=-1) / allowed.mean(axis=-1)
@@ -106,8 +106,8 @@ def require_weight(arm: Arm) -> None:
     """Raise InvalidInput if motors work against no weight in any posture."""
     if not gravity_torques(arm, np.random.default_rng(0).normal(size=(4, arm.dof))).any():
         raise InvalidInput(
-            f"energy must be False without weight that motors work against, got {arm.name}: without masses, or "
-            "gravity in its plane, work is free; energy=False leaves it out"
+            f"energy must be False if motors work against no weight, got True for {arm.name}, which has no masses or "
+            "no gravity along its motions"
         )
 
 
@@ -210,7 +210,7 @@ class PointToPointProgram:
     def lanes(self, term: SmoothTerm, samples: list[int]) -> list[Lanes]:
         """Return how a user's function depends on the unknowns: the first sample, the others, or the whole motion.
 
-        Rates are backward differences, 0 at the first sample, as those of the motions of the front.
+        Rates are backward differences, 0 at the first sample, as in the motions of the front.
         """
         if not term.local:
             intervals = np.arange(self.slices["times"].start, self.slices["times"].stop)
@@ -228,7 +228,7 @@ class PointToPointProgram:
         return [*first, self._sample_lanes(samples[len(first) :], term.orders)]
 
     def _sample_lanes(self, samples: list[int], orders: int) -> Lanes:
-        """Return the lanes of functions of rates up to an order, which read the samples before too."""
+        """Return the lanes of functions of rates up to an order; these also depend on previous samples."""
         window = np.maximum(np.array(samples)[:, None] - np.arange(orders + 1), 0)
         weights = self.spline[window]  # (lanes, window, coefficients)
         nonzero = np.any(weights > 0, axis=1)

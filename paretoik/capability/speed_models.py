@@ -89,7 +89,7 @@ class Polynomials:
 
 
 def monomials(task: int, degree: int) -> Int[np.ndarray, "terms degree"]:
-    """Return the factors 1 (0), x₁, x₂, … of every product of ``degree`` of them, the lowest degree first."""
+    """Return the factors of each monomial as indices: 0 for 1, i for xᵢ. The lowest degree comes first."""
     rows = list(combinations_with_replacement(range(1 + task), degree))
     return np.array(rows, dtype=int).reshape(len(rows), degree)
 
@@ -245,7 +245,7 @@ def spectral_roots(
 ) -> Roots:
     """Return R = Q^(1/2) / s and its derivatives, from log s and the upper triangle of Q.
 
-    Not finite if Q is not positive definite. Source: Higham, Functions of Matrices, theorem 3.11.
+    They are not finite if Q is not positive definite. Source: Higham, Functions of Matrices, theorem 3.11.
     """
     place = upper_triangle(values.shape[-1] - 1)
     eigenvalues, vectors = np.linalg.eigh(values[..., 1:][..., place])

@@ -125,7 +125,7 @@ class TimedCurve:
 class Line:
     """A line from ``origin`` by ``step`` [m].
 
-    The orientation rotates by ``rotation_vector`` [rad] from ``quaternion``, which is None for a line of points.
+    The orientation rotates by ``rotation_vector`` [rad] from ``quaternion``. A line of points has no quaternion.
     """
 
     origin: Float[np.ndarray, " axes"]
