@@ -210,7 +210,7 @@ class InputOptions:
 
     largest_count: largest count that fits into memory
     largest_seed: largest seed; NumPy itself draws seeds of this size
-    largest_quantity: largest quantity in SI units, with a finite square; its inverse is the smallest positive one
+    largest_quantity: largest quantity in SI units, whose square is finite; its inverse is the smallest positive one
     shown: maximum number of characters of a text in a message
     items: maximum number of items of a list in a message
     longest_name: maximum number of bytes of a file name

@@ -35,7 +35,7 @@ class RunProgress:
     - "generation": generations of a search
     - "step": steps of a closed loop
     - "sample": samples that the levels of a plan have reached
-    - "optimum": starts or samples of an objective's own plan
+    - "optimum": starts or samples of the plan for one objective's optimum
     - "point": points of an ε-front
     - "refinement", "tightening" (of limits between samples), "certification", "verification": points of a front
 

@@ -299,7 +299,7 @@ class DistributedActuation:
         return self.bend * (q - self.zero)
 
     def gears(self, q: Joints, front: Joints) -> tuple[Joints, Joints, Joints]:
-        """Return s_b [m], A and B [rad/m], all (*batch, dof), at front sliders [m]; A and B include ``bend``.
+        """Return s_b [m], A and B [rad/m], all (*batch, dof), at positions s [m]; A and B include ``bend``.
 
         Arguments may be complex numbers, for exact derivatives.
         """

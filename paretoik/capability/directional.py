@@ -66,7 +66,7 @@ class PerformancePolygon:
     torque: torques (directions, dof) of the joints [N m, N]
     motor_speeds: speeds (directions, motors, dof) of the joints' motors (motors = 1) or of front and back sliders (2)
     motor_efforts: efforts (directions, motors, dof) of the same motors [N m, N]
-    sliders: front and back sliders (directions, 2, dof) [m]; None without sliders
+    sliders: positions of front and back sliders (directions, 2, dof) [m]; None without sliders
     """
 
     arm: Arm
@@ -192,7 +192,7 @@ def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directi
     if vectors.ndim != 2 or vectors.shape[1] != task or not len(vectors):
         fact = f"{directions!r}" if vectors.ndim == 0 else f"shape {vectors.shape}"
         raise InvalidInput(
-            f"directions must be a whole number, or vectors (directions, {task}), at least one, got {fact}"
+            f"directions must be a positive whole number or an array (directions, {task}) of vectors, got {fact}"
         )
     size = np.abs(vectors).max(axis=1, keepdims=True)
     vectors = vectors / np.where(size > 0, size, 1.0)  # scaled first, because squares may overflow or underflow

@@ -80,7 +80,7 @@ class DirectionalProgram:
     def parts(
         self, z: Float[np.ndarray, " unknowns"], sizes: Float[np.ndarray, " directions"]
     ) -> dict[str, np.ndarray]:
-        """Return the unknowns by name and in their units."""
+        """Return the unknowns by name, in SI units."""
         values = z * self.scale(sizes)
         return {name: values[place].reshape(self.sizes[name]) for name, place in self.slices.items()}
 

@@ -89,8 +89,8 @@ def fastest_joint_speeds(
 ) -> tuple[Float[np.ndarray, " batch"], Float[np.ndarray, "batch dof"]]:
     """Return ``highest_speeds`` for one direction per posture, and joint speeds that reach them.
 
-    On a facet, all joints except those whose columns span it are at an end of their range. The speeds of these follow
-    from the velocity.
+    On a facet, the joints whose columns span it have speeds that follow from the velocity; all others are at an end of
+    their range.
     """
     faces, bound, index = _facets(columns, low, high, directions[:, None])
     rows = np.arange(len(faces))
@@ -118,7 +118,8 @@ def _facets(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the normals, the value that each allows (*batch, normals, directions), and the strictest normal's index.
 
-    Its choice adds rounding errors to values, since these are large if a normal is nearly orthogonal to a direction.
+    For its choice, rounding errors are added to the values: they are large for normals nearly orthogonal to a
+    direction.
     """
     faces = normals(columns)
     shares = faces @ columns

@@ -1,8 +1,8 @@
 """The nonlinear program of a motion from point to point.
 
 The unknowns are the spline coefficients of joints and sliders, the time of every interval, and the work of every motor
-in every interval. The costs are the sums of times and of work. Ends are fixed. Motors are within their curves from
-sample to sample and hold the arm, and positions are within bounds at the samples. So the same few rows are repeated.
+in every interval. The costs are the sums of times and of work. Ends are fixed. Motors are within their curves in every
+interval; at every sample they can hold the arm, and positions are within bounds. So the same few rows are repeated.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Timing:
 
     @property
     def work(self) -> Float[np.ndarray, "*batch intervals motors dof"]:
-        """Work of each motor, given or taken [J]: travel times effort, without signs."""
+        """Work that each motor does or absorbs [J]: |effort · travel|."""
         return np.abs(self.effort * self.travel)
 
     @property
@@ -58,7 +58,7 @@ class Timing:
 
     @property
     def energy(self) -> Float[np.ndarray, "*batch"]:
-        """Work of all motors, given or taken [J]: braking costs as much as driving."""
+        """Work that all motors do or absorb [J]: braking costs as much as driving."""
         return np.asarray(self.work.sum(axis=(-1, -2, -3)))
 
     def lateness(self, allowed: Float[np.ndarray, "*batch coarse"]) -> Float[np.ndarray, "*batch"]:
@@ -252,7 +252,7 @@ class PointToPointProgram:
         return Lanes(where=where, parameters=weights.reshape(len(near), -1), inputs=inputs)
 
     def _where(self, near: np.ndarray) -> np.ndarray:
-        """Return the indices of all joints' and sliders' unknowns with coefficients (batch, reach)."""
+        """Return the indices of unknowns, for coefficients ``near`` (batch, reach) of all joints and sliders."""
         dof = self.arm.dof
         joints = (near[:, :, None] * dof + np.arange(dof)).reshape(len(near), -1)
         return np.concatenate([joints + self.slices["front"].start * k for k in range(self.motors)], axis=1)
@@ -285,7 +285,7 @@ def _end(arm: Arm, task: int) -> TracedRows:
 
 @lru_cache(maxsize=32)
 def _sample(arm: Arm, actuation: Actuation, reach: int) -> TracedRows:
-    """Return the program of bounds and holding motors at one sample."""
+    """Return the program of bounds, and of motors that hold the arm, at one sample."""
 
     def rows(z: list[Any], weights: list[Any]) -> tuple[list[Any], list[Any]]:
         q, front = _at(arm, actuation, z, weights)

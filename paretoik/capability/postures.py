@@ -119,7 +119,7 @@ def ascend(
 
 
 def distant_postures(arm: Arm, q: np.ndarray) -> list[np.ndarray]:
-    """Return the first postures that are far from each other, up to ``largest``."""
+    """Return up to ``largest`` postures, each far from all those chosen before it."""
     chosen, remaining = list[np.ndarray](), q
     while len(remaining) and len(chosen) < ASCENT_OPTIONS.largest:
         chosen.append(remaining[0])

@@ -38,7 +38,7 @@ class Polynomials:
     def __call__(
         self, positions: Float[np.ndarray, "*batch task"]
     ) -> tuple[Float[np.ndarray, "*batch columns"], Float[np.ndarray, "*batch columns task"]]:
-        """Return values and their derivatives by position [1/m]."""
+        """Return values and their derivatives with respect to the position [1/m]."""
         design = self.design(positions)
         values = (design @ self._jet).reshape(*design.shape[:-1], -1, 1 + len(self.center))
         return values[..., 0], values[..., 1:]
@@ -137,8 +137,8 @@ Roots: TypeAlias = tuple[Float[np.ndarray, "*batch task task"], Float[np.ndarray
 class SpeedModel(Protocol):
     """Ellipsoids of tool velocity, smooth in the position.
 
-    At p they contain the v with ‖R(p) v‖ ≤ 1, so that a path takes the time ∫ ‖R(p) dp‖. ``lower`` and ``upper``
-    (task,) [m] are the corners of the box of valid positions.
+    At p the ellipsoid contains the velocities v with ‖R(p) v‖ ≤ 1, so that a path takes the time ∫ ‖R(p) dp‖. ``lower``
+    and ``upper`` (task,) [m] are the corners of the box of valid positions.
     """
 
     @property

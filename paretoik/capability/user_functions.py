@@ -254,7 +254,7 @@ class TermRows:
 
     @property
     def costs(self) -> Float[np.ndarray, "objectives unknowns"]:
-        """Gradients of the objectives, minimised, in their own units."""
+        """Gradients of the minimised objectives, in their own units."""
         objectives = [
             (one.term.factor, epigraphs)
             for one, (epigraphs, _) in zip(self.terms, self.indices, strict=True)

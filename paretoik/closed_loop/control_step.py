@@ -85,8 +85,8 @@ class StepState:
         left, sizes, right = np.linalg.svd(jacobian)
         if not sizes[-1] > OPTIONS.singular_ratio * sizes[0]:
             raise Infeasible(
-                f"step {self.sample} ({self.task.times[self.sample]:.3g} s): the Jacobian must have full rank, got a "
-                f"singular arm: its condition number is {sizes[0] / max(sizes[-1], 1e-300):.3g}"
+                f"step {self.sample} ({self.task.times[self.sample]:.3g} s): the Jacobian must have full rank, got the "
+                f"condition number {sizes[0] / max(sizes[-1], 1e-300):.3g}"
             )
         shortest = right[: len(error)].T @ ((left.T @ error) / sizes)
         return shortest, np.ascontiguousarray(right[len(error) :].T)

@@ -26,7 +26,7 @@ else:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """A batch of steps (..., time): the last samples, with the step's end last.
+    """A batch of steps (..., time): the last samples up to each step's end.
 
     motion: positions, rates, torques and the other fields of a ``Motion``
     home: joint positions (dof,) in which the loop began

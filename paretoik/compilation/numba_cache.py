@@ -217,7 +217,7 @@ def compiled(function: Any = None, *, what: str = "", seconds: float | None = No
 
 
 def c_function(signature: Any, *, what: str = "", seconds: float | None = None) -> Callable[[Any], Any]:
-    """Return a function as an external one for compiled callers; it is compiled now, or loaded from the cache.
+    """Return a function that compiled callers call as an external one; it is compiled now, or loaded from the cache.
 
     ``signature`` may have only numbers and pointers.
     """

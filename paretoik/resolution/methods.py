@@ -182,9 +182,9 @@ class DampedLeastSquares(VelocityMethod):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WeightedLeastNorm(DampedLeastSquares):
-    """Joints move slowly towards near position limits, and freely away from them.
+    """Joints are slowed down if they approach a near position limit, and move freely away from it.
 
-    A joint at or past its limit stays there, as there is no repulsion. Source: Chan & Dubey 1995; Wan et al. 2018,
+    A joint at its limit or beyond stays there, as there is no repulsion. Source: Chan & Dubey 1995; Wan et al. 2018,
     Eqs. 10, 11 and 14.
     """
 

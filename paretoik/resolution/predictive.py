@@ -184,9 +184,9 @@ def quartic_spline(
 ) -> Float[np.ndarray, "pieces 5 dof"]:
     """Return the coefficients of a C² quartic spline through points one unit of time apart.
 
-    Its derivatives are ``rate`` and ``second`` at the first point, and 0 at the last; only the first is 0 there if the
-    spline has one piece. These conditions determine two pieces, as in the paper; with more pieces, the jerk is
-    minimised.
+    Its derivatives are ``rate`` and ``second`` at the first point, and 0 at the last; if there is only one piece, the
+    second derivative at the last point is free. These conditions determine two pieces, as in the paper; with more
+    pieces, the jerk is minimised.
     """
     pieces, dof = len(points) - 1, points.shape[1]
     conditions = np.concatenate([points[:-1], points[1:], rate[None], second[None]])

@@ -112,7 +112,7 @@ def base_parameters(arm: SerialChain) -> list[np.ndarray]:
 
 
 def _snap(rotation: np.ndarray) -> np.ndarray:
-    """Return a rotation with entries within 1e-15 of 0 or ±1 made exact: they come from right angles."""
+    """Return a rotation whose entries within 1e-15 of 0 or ±1 are rounded: they come from right angles."""
     nearest = np.round(rotation)
     return np.where(np.abs(rotation - nearest) < 1e-15, nearest, rotation)
 

@@ -125,7 +125,7 @@ class Pose:
         return matrix
 
     def __matmul__(self, other: Pose) -> Pose:
-        """Return ``other``, which is relative to this pose, relative to this pose's parent frame."""
+        """Return ``other``, a pose in this frame, in this pose's parent frame."""
         if not isinstance(other, Pose):
             return NotImplemented
         position, quaternion = self.apply(other.position), quaternion_product(self.quaternion, other.quaternion)

@@ -170,7 +170,7 @@ def _path(source: str, joints: Sequence[JointDescription], base: str, tip: str) 
 
 
 def _leader(robot: RobotDescription, joint: JointDescription, fixed: Collection[str]) -> tuple[str, float, float]:
-    """Return the joint that a joint mimics, over others or not, or itself; multiplier and offset."""
+    """Return the last joint of a joint's mimic chain (itself if it mimics none), multiplier and offset."""
     name, multiplier, offset = joint.name, 1.0, 0.0
     passed = set[str]()
     while name in robot.joints and name not in fixed and name not in passed and (mimic := robot.joints[name].mimic):
@@ -412,7 +412,7 @@ def _merge_links(
 ) -> tuple[Body, list[Fault], list[Fault]]:
     """Return the body of a joint's link and all that is fixed to it, its faults, and notices.
 
-    A real body must have the inertia of the whole; inertias of single links may be impossible.
+    The inertia of the whole must be possible; those of single links need not be.
     """
     links = [robot.links[name] for name, frame in frames.items() if frame.link == number]
     wrong = {link.name: link.inertia_fault for link in links if link.inertia_fault is not None}

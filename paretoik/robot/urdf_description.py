@@ -178,7 +178,7 @@ def shorten_list(messages: Sequence[str]) -> list[str]:
 def group_messages(messages: Iterable[str]) -> list[str]:
     """Return messages; equal messages of several links or joints become one.
 
-    It has the number of links or joints and their first names.
+    This message has the number of links or joints and their first names.
 
     >>> group_messages([f"line {n}: link 'l{n}': mass must be positive, got {n}; left out" for n in range(5)])
     ["each of 5 links, 'l0', 'l1', 'l2' and 2 more: mass must be positive; left out"]

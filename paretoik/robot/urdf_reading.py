@@ -292,7 +292,7 @@ class _Reader:
     def numbers(
         self, element: Element, name: str, default: str | None = None, count: int = 1, *, infinite: bool = False
     ) -> Numbers | None:
-        """Return ``count`` numbers of an attribute, none of them NaN. Else add a fault and return None."""
+        """Return ``count`` numbers of an attribute. If they are missing or invalid, add a fault and return None."""
         text = element.attributes.get(name, default)
         if text is None:
             self.fault(element, f"<{element.tag}> must have {name}, got none")

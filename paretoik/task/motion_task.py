@@ -276,7 +276,7 @@ class MotionTask:
 
     @cached_property
     def limit_joints(self) -> tuple[tuple[str, int], ...]:
-        """Kind and joint of each column of ``violations``; name and −1 if it has no joint."""
+        """Kind and joint of each column of ``violations``; name and −1 for a limit that is not on a joint."""
         joints = [(kind, int(joint)) for kind, joints in self.limited_joints.items() for joint in joints]
         others = [*["clearance"] * bool(self.obstacles), *(each.name for each in self.constraints)]
         return (*joints, *((name, -1) for name in others))
@@ -363,7 +363,7 @@ class MotionTask:
         return errors
 
     def describe_between(self, motions: Motion) -> str:
-        """Return in words the limit most violated between samples by motions (points, time, dof), and a remedy.
+        """Return in words the limit that motions (points, time, dof) violate most between samples, and a remedy.
 
         The text is "" if no limit is exceeded.
         """

@@ -98,7 +98,7 @@ def objective(
     The function must return real numbers of the form's shape, not change its input (arrays are read-only) and work for
     any batch.
 
-    Raises InvalidInput for an unknown form, or names and units that are no printable text.
+    Raises InvalidInput for an unknown form, or names and units that are not printable text.
 
     >>> @objective(unit="rad²/s", form="integral")
     ... def wrist_effort(motion):

@@ -132,8 +132,8 @@ def clearance(
     nodes: positions (*batch, nodes, 3) [m] of the arm's joints and tool, in order
     radius: radius of all links [m]
 
-    A positive clearance is the exact distance; a negative one is the depth of the deepest point of a link's axis, plus
-    the link's radius. Raises InvalidInput for no obstacles.
+    It is the signed distance of the links' axes minus the radius, which is exact if it is positive. Raises InvalidInput
+    for no obstacles.
 
     >>> from paretoik.task.obstacles import Circle
     >>> elbow = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.5, 0.0]])

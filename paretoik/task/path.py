@@ -325,7 +325,7 @@ def circle(
     radius = positive_number("circle radius", radius, "m")
     number = finite_number("circle turns", turns)
     if not 0 < abs(number) <= OPTIONS.most_turns:
-        raise InvalidInput(f"circle |turns| must be above 0, at most {OPTIONS.most_turns:g}, got {number:g}")
+        raise InvalidInput(f"circle |turns| must be above 0 and at most {OPTIONS.most_turns:g}, got {number:g}")
     phase, orientation, fact = finite_number("circle start_angle", start_angle), None, ""
     if isinstance(center, Pose):
         check_pose("circle center", center)

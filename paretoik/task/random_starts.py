@@ -129,7 +129,7 @@ def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfR
 
 
 def order_by_neighbour(arm: Arm, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "postures dof"]:
-    """Return postures in an order of nearest neighbours."""
+    """Return postures in an order in which each is followed by the nearest of those that remain."""
     remaining = list(q)
     ordered = [remaining.pop(0)]
     while remaining:
@@ -252,9 +252,9 @@ def perturbed_starts(
 def recombined_starts(
     task: MotionTask, q: JointPaths, others: JointPaths, rng: np.random.Generator
 ) -> Float[np.ndarray, "found time dof"]:
-    """Return motions on the path that follow ``q``, and for a random part of the path ``others``.
+    """Return motions on the path that follow ``q``, but ``others`` on a random part of the path.
 
-    Motions are left out if they leave the path or jump farther than both parents, which no self-motion then connects.
+    Motions that leave the path or jump farther than both parents are left out: no self-motion connects their parents.
     """
     share, shape = task.times / task.times[-1], (len(q), 1)
     half, width = rng.uniform(*MOTION_OPTIONS.crossing_half, shape), rng.uniform(*MOTION_OPTIONS.crossing_width, shape)
@@ -280,7 +280,8 @@ def _integrate(
 ) -> tuple[Float[np.ndarray, "found time dof"], int]:
     """Return motions near the path, closed if the task is cyclic, and the last sample reached.
 
-    Each sample has one Newton step and a step of ``pace`` [rad, the arm's length] along the self-motion.
+    From sample to sample, a motion makes one Newton step, and a move of ``pace`` [rad, the arm's length] along the
+    self-motion.
     """
     basis = np.linalg.qr(rng.normal(size=(len(start), task.arm.dof, task.arm.dof)))[0]
     eigenvalues = rng.uniform(0.02, 1.0, size=start.shape)  # eigenvalues of the random joint weights

@@ -141,7 +141,7 @@ class TracedMotion:
 
     @cached_property
     def manipulability(self) -> TracedArray:
-        """As ``Motion.manipulability``, but without a kink. Values are cut off only if rounding makes them negative."""
+        """As ``Motion.manipulability``, but without its clip at 0, a kink that matters only for rounding errors."""
 
         def entries(q: list[Component], *_: object) -> list[Component]:
             if self.tasks:
@@ -274,7 +274,7 @@ def _trace_inputs(
 def trace_motion_function(
     motion: TracedMotion, name: str, function: Callable[[Any], Any], form: str
 ) -> list[Expression | float]:
-    """Return the value of a function of a whole motion, or one per sample of a series.
+    """Return the value of a function of a whole motion, or one value per sample if it returns a series.
 
     Raises InvalidInput if it has no derivative, EvaluationFailed if it raises.
     """
