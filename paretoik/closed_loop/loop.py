@@ -97,7 +97,8 @@ def choose(F: Objectives, weights: Float[np.ndarray, " n_obj"]) -> int:
 def explain_no_step(step: StepState) -> str:
     """Return why no admissible step was found, as text."""
     task = step.task
-    reason = f"step {step.sample} ({task.times[step.sample]:.3g} s): there must be an admissible configuration, got none"
+    time = task.times[step.sample]
+    reason = f"step {step.sample} ({time:.3g} s): there must be an admissible configuration, got none"
     share, limited = reachable_share(step)
     if share < 1:
         joints = ", ".join(task.arm.joint_names[k] for k in limited)
