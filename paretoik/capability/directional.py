@@ -139,7 +139,7 @@ def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
             lengths, base = table[0], table[3][:2]
             shortest = max(0.0, 2 * float(lengths.max()) - float(lengths.sum()))
             raise OutOfReach(
-                f"position: {position.tolist()} m is {np.linalg.norm(position - base):.10g} m from the first joint, "
+                f"position: {position.tolist()} m is {np.linalg.norm(position - base):.10g} m from the first joint; "
                 f"the arm reaches from {shortest:.10g} m to {float(lengths.sum()):.10g} m",
                 sample=0,
             )
