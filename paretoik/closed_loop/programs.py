@@ -143,7 +143,7 @@ class StepStart(NamedTuple):
 
     previous: np.ndarray  # joint positions (dof,)
     particular: np.ndarray  # the shortest step (dof,) that makes Δx
-    null_space: np.ndarray  # of the Jacobian (dof, redundancy)
+    null_space: np.ndarray  # null space of the Jacobian (dof, redundancy)
     rates: np.ndarray  # velocity, acceleration and jerk (3, dof) before the step
     dt: float  # s: time between steps
 
@@ -161,7 +161,7 @@ class StepConstraints(NamedTuple):
     nodes: Any  # evaluator of the positions of the arm's joints
     obstacles: np.ndarray  # rows of ``tabulate``
     bounding: np.ndarray  # rows of ``tabulate`` for the balls around obstacles
-    required: float  # m
+    required: float  # m: smallest distance of links' axes from obstacles
     reach: np.ndarray  # largest move (dof,) of any point of the arm with each joint
     lower: np.ndarray  # bounds (dof,) of each joint's move, if ``bounded``
     upper: np.ndarray

@@ -406,7 +406,7 @@ class _Stepper:
             rest = goal.task_rates - goal.jacobian @ step.rates
             active = reached(step.rates + np.linalg.lstsq(goal.jacobian, rest, rcond=None)[0])
         broken = np.stack([bounds[..., 0] - interval[:, 1], interval[:, 0] - bounds[..., 1]], axis=-1) > rounding
-        if broken.any():  # limits broken by more important ones: accelerations or velocities
+        if broken.any():  # limits that are exceeded to satisfy more important ones
             step = replace(step, status=LIMITED)
             kinds = broken.transpose(1, 0, 2).reshape(len(q), -1)
             active[:-1] = np.where(kinds.any(axis=1), 1 + kinds.argmax(axis=1), active[:-1])

@@ -94,7 +94,7 @@ def _where(condition: Component, first: Sequence[Component], second: Sequence[Co
 
 Components: TypeAlias = Sequence[Component]
 Axes = Literal["xy", "xy+angle", "xyz", "xyz+z-axis", "pose"]
-AXES: dict[str | None, tuple[int, tuple[int, ...]]] = {  # coordinates, and entries of the rotation vector
+AXES: dict[str | None, tuple[int, tuple[int, ...]]] = {  # number of coordinates, and entries of the rotation vector
     "xy": (2, ()),
     "xy+angle": (2, (2,)),
     "xyz": (3, ()),
