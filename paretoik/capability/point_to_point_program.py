@@ -62,7 +62,7 @@ class Timing:
         return np.asarray(self.work.sum(axis=(-1, -2, -3)))
 
     def lateness(self, allowed: Float[np.ndarray, "*batch coarse"]) -> Float[np.ndarray, "*batch"]:
-        """Return the largest lack of time of coarser intervals, as a share of their mean.
+        """Return the largest amount by which coarser intervals are too short, as a share of their mean.
 
         Each coarse interval has equally many fine intervals; one with a motor that cannot bear its effort does not
         count.

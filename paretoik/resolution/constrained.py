@@ -83,7 +83,7 @@ class StepLimits:
     lowest_rates: Float[np.ndarray, " distances"]
 
     def slack(self, rates: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " limits"]:
-        """Return the slack at rates, negative if violated, of distances, lower bounds, and upper bounds."""
+        """Return the slacks of distances, lower bounds and upper bounds at rates; negative if violated."""
         return np.concatenate(
             [self.gradients @ rates - self.lowest_rates, rates - self.bounds[:, 0], self.bounds[:, 1] - rates]
         )
