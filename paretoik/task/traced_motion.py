@@ -60,7 +60,7 @@ class TracedMotion:
             raise AttributeError(name)
         names = [each for each in {*dir(Motion), *Motion.__dataclass_fields__} if not each.startswith("_")]
         if name not in names:
-            raise InvalidInput(f"motion.{name} must be a field of motions{likely_spelling(name, names)}")
+            raise InvalidInput(f"motion.{name} must be a field of motions, got none{likely_spelling(name, names)}")
         raise InvalidInput(f"motion.{name} has no derivative here")
 
     def __len__(self) -> int:
@@ -283,7 +283,7 @@ def trace_motion_function(
     try:
         array = _real_value(motion, name, function)
         if array.shape != shape:
-            raise InvalidInput(f"({form}) must return shape {wish} for derivatives, got {array.shape}")
+            raise InvalidInput(f"({form}) must return shape {wish} where derivatives are taken, got {array.shape}")
     except InvalidInput as error:
         raise InvalidInput(f"{name}: {error}") from None
     return list((array.entries if isinstance(array, TracedArray) else array).ravel())
@@ -301,7 +301,7 @@ def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[A
             return Expression(tape, as_entry(tape, array.entries))
         if isinstance(array, np.ndarray) and array.shape in ((), (motion.trace.samples,)):
             return motion.trace.parameter(array) if array.ndim else float(array)
-        raise InvalidInput(f"must return one number per sample for derivatives, got shape {array.shape}")
+        raise InvalidInput(f"must return one number per sample where derivatives are taken, got shape {array.shape}")
     except NotLocal:
         return None
     except InvalidInput as error:
