@@ -123,7 +123,7 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
         if dotted == missing or dotted.startswith(f"{missing}."):
             hint = likely_spelling(missing, [file.stem for file in root.glob("*.py")])
             raise InvalidInput(
-                f"module {shown(dotted)} must be FILE.py or an importable module, got missing {shown(missing)}{hint}"
+                f"module {shown(dotted)} must be FILE.py or an importable module, got no module {shown(missing)}{hint}"
             ) from error
         raise InvalidInput(f"{what} file {place} cannot be loaded: module {missing!r} is not installed") from error
     except BaseException as error:  # a user's file may raise anything
