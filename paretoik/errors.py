@@ -6,7 +6,7 @@
     ├── InvalidInput (also ValueError)   an input cannot be used                 exit code 2
     │   ├── InvalidRobot                 a robot description with its faults
     │   ├── OutOfReach                   a path that the arm cannot follow
-    │   └── InvalidRun                   a run folder that is damaged or not ours
+    │   └── InvalidRun                   a run folder that is damaged or invalid
     ├── Infeasible                       no motion satisfies the limits          exit code 3
     ├── EvaluationFailed                 no evaluation gave a usable number      exit code 4
     └── SolverFailed                     a solver ended without a solution       exit code 4

@@ -14,7 +14,7 @@ from paretoik.inputs import likely_spelling
 def shell_command(*words: str | PurePath) -> str:
     """Return a command in one line, quoted for POSIX shells.
 
-    A path is never read as an option. Control characters are escaped: a path that has them is shown, but not found.
+    A path is never read as an option. Control characters are escaped, so a shell does not find a path that has them.
 
     >>> print(shell_command("paretoik", "show", PurePath("-x y")))
     paretoik show './-x y'
@@ -31,7 +31,7 @@ def missing_file(path: Path) -> str:
 
     It is the first missing part of the path, or the kind of thing that is there instead. A relative path is relative to
     the current folder, whose name is shown. If a similar name exists in the same folder, the reason ends with a
-    question that suggests it. Names are compared without their endings: a file with files, a folder with folders.
+    question that suggests it. Only names of the same kind, file or folder, are compared, without their endings.
     """
     try:
         os.lstat(path)

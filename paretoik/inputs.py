@@ -1,4 +1,4 @@
-"""Checks of user input. Each error is one line with a name.
+"""Checks of user input. Each error is one line that begins with the input's name.
 
 Constructors and verbs read numbers, sizes, arrays, text, names, paths, flags and functions with these checks. ``shown``
 returns the text of a refused value, of any class, for a message.
@@ -38,7 +38,7 @@ class CallLimitOptions:
     loading: float = 10.0  # s: least time for building a problem, which imports libraries
     allowed: int = 3  # number of calls that may time out while a problem is built
     longest: float = 3600.0  # s: longest wait of a timer
-    interval: float = 0.1  # s: time between two attempts to end a call, if its code catches the first one
+    interval: float = 0.1  # s: time between attempts to end a call; its code may catch the first one
 
 
 CALLS = CallLimitOptions()
@@ -57,9 +57,9 @@ def function_name(function: Callable[..., Any], nameless: str = "lambda") -> str
 
 @contextmanager
 def user_function(name: str, failure: type[ParetoikError] = EvaluationFailed) -> Iterator[None]:
-    """Turn errors of a user's function, the body, into ``failure``, with ``name`` and cause.
+    """Turn errors that a user's function raises in the body into a ``failure`` with ``name`` and cause.
 
-    Errors of paretoik and Ctrl-C pass unchanged; sys.exit and all other errors become a ``failure``.
+    Errors of paretoik and Ctrl-C pass unchanged; all others, and sys.exit, become a ``failure``.
     """
     try:
         yield
@@ -114,7 +114,7 @@ def end_late_verb(name: str, lasted: float) -> None:
 def limited_call(name: str, *, loads: bool = False) -> Iterator[None]:
     """End the body when a limit on users' code is reached, by raising the limit's failure.
 
-    loads: whether it loads a problem, instead of calling a function
+    loads: whether the body loads a problem, instead of calling a function
 
     Only Python code in the main thread, including ``time.sleep``, can be ended. Compiled code that does not return is
     ended only in a worker.
@@ -173,7 +173,7 @@ def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Obje
     values: objectives in the user's own sign
     again: objectives of the first arguments, computed a second time
     """
-    rounding = 1e-6  # relative difference tolerated between two computations of a value, as in another batch
+    rounding = 1e-6  # largest relative difference between computations of one value, which may be in different batches
     for place, (name, column, repeated) in enumerate(zip(names, values.T, again.T, strict=True)):
         first = column[: len(repeated)]
         differ = ~np.isclose(first, repeated, rtol=rounding, atol=0, equal_nan=True)
@@ -210,11 +210,11 @@ class InputOptions:
 
     largest_count: largest count that fits into memory
     largest_seed: largest seed; NumPy itself draws seeds of this size
-    largest_quantity: largest quantity in SI units, with a finite square; its inverse is the smallest positive one
+    largest_quantity: largest quantity in SI units, whose square is finite; its inverse is the smallest positive one
     shown: maximum number of characters of a text in a message
     items: maximum number of items of a list in a message
     longest_name: maximum number of bytes of a file name
-    turned: two turns [rad]; larger angles are probably degrees, as no commercial robot's joint turns farther
+    turned: angle [rad] above which degrees are suspected, two turns: no commercial robot's joint turns farther
     largest_angle: largest angle [rad] that floats resolve to 1e-9 rad
     """
 
@@ -269,7 +269,7 @@ def _array(name: str, value: object, kinds: str, wish: str) -> np.ndarray:
         raise InvalidInput(
             f"{name}: must be an array of numbers, got an object whose reading raised {cause_of(error)}"
         ) from None
-    if array.dtype.kind not in kinds and array.size + (array.dtype.kind != "f") > 0:  # an empty list has floats
+    if array.dtype.kind not in kinds and array.size + (array.dtype.kind != "f") > 0:  # [] becomes floats
         kind = "text" if array.dtype.kind in "US" else array.dtype
         raise InvalidInput(f"{name}: must contain {wish}, got {kind}")
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
@@ -291,7 +291,7 @@ def finite_array(name: str, value: object, shape: tuple[int, ...] | None = None)
 
 
 def real_number(name: str, value: object) -> float:
-    """Return ``value`` as a float; raises InvalidInput unless it is one number; NaN is invalid, inf is valid."""
+    """Return ``value`` as a float; raises InvalidInput unless it is one number, finite or infinite."""
     array = real_array(name, value)
     if array.shape != () or np.isnan(array):
         fact = f"shape {array.shape}" if array.shape else "nan"
@@ -430,7 +430,7 @@ def check_instance(
 
 
 def read_list(name: str, value: object, kind: type | UnionType | tuple[type, ...], wish: str) -> tuple[Any, ...]:
-    """Return the items of a list or similar as a tuple; raises InvalidInput unless all are of the ``kind``.
+    """Return the items of an iterable as a tuple; raises InvalidInput unless all are of this ``kind``.
 
     Generators are refused: they give their items only once.
     """
@@ -439,7 +439,7 @@ def read_list(name: str, value: object, kind: type | UnionType | tuple[type, ...
         raise refusal
     try:
         items: tuple[Any, ...] = tuple(value)  # type: ignore[arg-type]
-    except Exception:  # the object has the type of a list, but cannot be iterated
+    except Exception:  # the object cannot be iterated
         raise refusal from None
     for place, item in enumerate(items):
         if not isinstance(item, kind):

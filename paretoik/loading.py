@@ -63,7 +63,7 @@ def load_problem(reference: str) -> Any:
             raise InvalidInput(f"problem {reference!r} cannot be built: {summary}") from error
     if not _is_problem(problem):
         imported = function is not None and problem is value
-        hint = "; a function from another module must say that it returns a problem: def f() -> pk.Tracking" * imported
+        hint = "; a function from another module must be annotated, such as def f() -> pk.Tracking" * imported
         raise InvalidInput(
             f"problem {reference!r} must be a pymoo problem or a function that returns one, got {shown(problem)}{hint}"
         )
@@ -73,7 +73,7 @@ def load_problem(reference: str) -> Any:
 def load_value(what: str, reference: str) -> Any:
     """Return the value of ``file.py:name`` or ``package.module:name``; nothing is called.
 
-    Raises InvalidInput, which begins with ``what``, if it is missing or loading fails.
+    Raises InvalidInput if the value is missing or loading fails; the message begins with ``what``.
     """
     place, _, name = reference.rpartition(":")
     module = _import_module(place, what)
@@ -172,7 +172,7 @@ def _offers(module: ModuleType) -> tuple[dict[str, Any], list[str]]:
 
 
 def _function_of(value: object) -> Callable[..., Any] | None:
-    """Return the function that a value is or wraps, None for others."""
+    """Return the function that a value is or wraps, or None."""
     if not callable(value):
         return None
     try:

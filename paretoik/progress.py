@@ -27,15 +27,15 @@ class RunProgress:
         remaining: estimated time until the verb ends [s], None if unknown
         summary: state so far in words; the objective in the stage "optimum"
         generation: points of a generation or step (``review.recording.recorder.Generation``), None in other stages
-        then: name of the next stage if ``remaining`` does not count it, "" in the last stage
-        following: names of the next stages if ``remaining`` counts them, "" in the last stage
+        then: name of the next stage if ``remaining`` excludes its time, "" in the last stage
+        following: names of the next stages if ``remaining`` includes their times, "" in the last stage
 
-    Stages that count:
+    Stages with counts:
 
     - "generation": generations of a search
     - "step": steps of a closed loop
     - "sample": samples that the levels of a plan have reached
-    - "optimum": starts or samples of an objective's own plan
+    - "optimum": starts or samples of the plan for one objective's optimum
     - "point": points of an ε-front
     - "refinement", "tightening" (of limits between samples), "certification", "verification": points of a front
 
@@ -105,9 +105,7 @@ def count_observer(
     then: str = "",
     following: str = "",
 ) -> Callable[..., object] | None:
-    """Return a function (done, total, summary="") that shows counts to an observer.
-
-    None without an observer.
+    """Return a function (done, total, summary="") that shows counts to an observer, or None without one.
 
     later: function that returns the seconds of the following stages per item
     uniform: whether items take about the same time; then the remaining time is estimated
@@ -147,8 +145,8 @@ def open_observer(observe: Observer | bool | None, *, time_limit: float | None =
     - True: a bar if stderr is a terminal, else lines at once
     - False: no observer
 
-    If an observer raises, the verb is asked to stop, as by a signal, and keeps its result; InvalidInput at the end of
-    the body names the observer. Raises InvalidInput for an observer that cannot be called.
+    If an observer raises an error, the verb stops as after a signal and keeps its result; the body then ends with
+    InvalidInput, which names the observer. Raises InvalidInput for an observer that cannot be called.
     """
     shown: Observer | None
     with ExitStack() as stack:

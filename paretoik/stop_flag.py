@@ -3,7 +3,7 @@
 Long computations check it, in compiled code too.
 
 ``runs.interruption`` sets it while a verb runs. Solvers then end with the present iteration and raise
-``Interrupted``; a verb that has results by then returns them.
+``Interrupted``; a verb that already has results returns them.
 """
 
 from __future__ import annotations

@@ -118,7 +118,7 @@ def field_representation(item: Any) -> str:
         value = values[each.name]
         if each.default is not MISSING:
             is_default = value is each.default or (isinstance(value, int | float | str) and value == each.default)
-        else:  # the class makes the default for each object
+        else:  # default_factory makes a default for each object
             is_default = each.default_factory is not MISSING and not (isinstance(value, np.ndarray) or value)
         if is_default:
             del values[each.name]

@@ -135,7 +135,7 @@ def test_what_is_neither_the_files_own_function_nor_says_that_it_makes_a_problem
 def test_functions_of_other_modules_are_not_called():
     with pytest.raises(InvalidInput, match="must"):
         load_problem("os:abort")
-    with pytest.raises(InvalidInput, match=r"a function from another module must say .*: def f\(\) -> pk\.Tracking"):
+    with pytest.raises(InvalidInput, match=r"from another module must be annotated, such as def f\(\) -> pk\.Tracking"):
         load_problem("paretoik.loading:shown")
 
 

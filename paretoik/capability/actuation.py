@@ -60,7 +60,7 @@ class MotorCurve:
             freeze(self, **{name: numbers})
         count, speeds = len(self.stall), self.fastest
         if len(speeds) != count:
-            raise InvalidInput(f"motor curve: fastest must be {count}, one for each stall, got {len(speeds)}")
+            raise InvalidInput(f"motor curve: fastest must be {count} numbers, one per stall, got {len(speeds)}")
         if not np.isfinite(speeds).all():
             raise InvalidInput(f"motor curve: fastest must be finite speeds, got {speeds.tolist()}")
 
@@ -104,13 +104,13 @@ class MotorCurve:
 def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least_angle: float) -> tuple[float, float]:
     """Return the least and largest θ [rad] of sliders within bounds; raises InvalidInput if no θ is possible.
 
-    cos θ = (c² − s² − s_b²) / (2 s s_b) rises with each slider until its square is the other's minus c², then falls:
-    the minimum is at a corner of the bounds, the maximum at a corner or at such a turning point.
+    cos θ = (c² − s² − s_b²) / (2 s s_b) rises with s until s² = s_b² − c², then falls; it depends on s_b in the same
+    way. So its minimum is at a corner of the bounds, its maximum at a corner or at such a turning point.
     """
     places = [(s, b) for s in front for b in back]
     for fixed, (low, high), turned in ((front, back, False), (back, front, True)):
-        tops = [np.clip(np.sqrt(max(one * one - rod * rod, 0.0)), low, high) for one in fixed]
-        places += [(b, s) if turned else (s, b) for s, b in zip(fixed, tops, strict=True)]
+        turning = [np.clip(np.sqrt(max(one * one - rod * rod, 0.0)), low, high) for one in fixed]
+        places += [(b, s) if turned else (s, b) for s, b in zip(fixed, turning, strict=True)]
     cosines = [(rod * rod - s * s - b * b) / (2 * s * b) for s, b in places]
     ends = np.arccos(np.clip([max(cosines), min(cosines)], -1.0, 1.0))
     fits = min(cosines) <= 1.0 and max(cosines) >= -1.0
@@ -182,13 +182,13 @@ class JointActuation:
 class DistributedActuation:
     """Two sliders per joint, joined by a rod.
 
-    A rod of length c joins a slider at s on the link to one at s_b on the link before:
+    A rod of length c joins a slider at s on the link to one at s_b on the previous link:
     c² = s² + s_b² + 2 s s_b cos θ, so that θ̇ = A ṡ + B ṡ_b with A = (s + s_b cos θ)/(s s_b sin θ) and
     B = (s_b + s cos θ)/(s s_b sin θ), and a torque τ needs the forces A τ and B τ. Both sliders may be anywhere
     within their bounds, like gears that can be chosen.
 
     front: motors of the sliders on the link [N, m/s]
-    back: motors of the sliders on the link before [N, m/s], of the same shape; default: ``front``
+    back: motors of the sliders on the previous link [N, m/s], of the same shape; default: ``front``
     rod: lengths c (dof,) of the rods [m]
     front_bounds: bounds of the front sliders, (lower, upper) or (dof, 2) [m], at most the rod's length
     back_bounds: bounds of the back sliders, (lower, upper) or (dof, 2) [m]; default: ``front_bounds``
@@ -196,9 +196,10 @@ class DistributedActuation:
     bend: sign (1 or −1) of θ: θ = bend (q − zero)
     least_angle: least distance of θ from 0 and π [rad], 10° by default
 
-    0 and π are toggles: the rod is along both links. Near them, sliders turn a joint faster, but less far. The
-    bound excludes fast postures. With the paper's sliders, at its nine positions, 10° costs 7 % of the speed on average
-    and 46 % at most compared with 5°, and 9 % and 91 % compared with no bound (``studies.kim_2021`` prints these).
+    0 and π are toggles: the rod is along both links. Near them, sliders turn a joint faster, but less far, so that
+    ``least_angle`` excludes fast postures. With the paper's sliders, at its nine positions, 10° costs 7 % of the speed
+    on average and 46 % at most compared with 5°, and 9 % and 91 % compared with no bound (``studies.kim_2021`` prints
+    these).
 
     Raises InvalidInput, naming the argument that is impossible. Source: Kim, Choi & Jang 2021, section 2.1 and Table 2.
     The formulae are derived; ``zero``, ``bend``, ``least_angle`` and ``back_bounds`` are not in the paper.
@@ -298,7 +299,7 @@ class DistributedActuation:
         return self.bend * (q - self.zero)
 
     def gears(self, q: Joints, front: Joints) -> tuple[Joints, Joints, Joints]:
-        """Return s_b [m], A and B [rad/m], all (*batch, dof), at front sliders [m]; A and B include ``bend``.
+        """Return s_b [m], A and B [rad/m], all (*batch, dof), at positions s [m]; A and B include ``bend``.
 
         Arguments may be complex numbers, for exact derivatives.
         """
@@ -341,9 +342,9 @@ def kim_sliders(base_angle: float = float(np.deg2rad(-120.0)), bend: Literal[-1,
     Back sliders equal the front ones. Rods stay 10° from their toggles; this is not in the paper and costs speed
     (``DistributedActuation``).
 
-    base_angle: direction [rad] of the link before the first joint. The paper has none: with the default, most
+    base_angle: direction [rad] of the link before the first joint. The paper does not state it: with the default, most
         directions at the paper's nine positions are faster than with motors at the joints, as the paper says
-    bend: sign (1 or −1) of the angles of all rods; the paper has none
+    bend: sign (1 or −1) of the angles of all rods; the paper does not state it
 
     >>> kim_sliders().front_bounds[0].tolist()
     [0.037, 0.077]

@@ -66,7 +66,7 @@ class PerformancePolygon:
     torque: torques (directions, dof) of the joints [N m, N]
     motor_speeds: speeds (directions, motors, dof) of the joints' motors (motors = 1) or of front and back sliders (2)
     motor_efforts: efforts (directions, motors, dof) of the same motors [N m, N]
-    sliders: front and back sliders (directions, 2, dof) [m]; None without sliders
+    sliders: positions of front and back sliders (directions, 2, dof) [m]; None without sliders
     """
 
     arm: Arm
@@ -128,7 +128,7 @@ def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
     """Return the requested maxima. Raises OutOfReach, SolverFailed and Infeasible as the verb does."""
     arm, actuation, quantity, directions = query.arm, query.actuation, query.quantity, query.directions
     position, rng, table = query.position, np.random.default_rng(query.seed), _planar_table(arm)
-    # Each direction's best posture: a search all around for planar arms of three joints, ascent for others.
+    # The best posture of each direction: planar arms of three joints search all postures, others ascend from starts.
     if table is None:
         starts = sample_holdable_postures(arm, actuation, position, query.starts, rng)
         q = maximise_from(arm, actuation, position, directions, quantity, starts)
@@ -139,7 +139,7 @@ def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
             lengths, base = table[0], table[3][:2]
             shortest = max(0.0, 2 * float(lengths.max()) - float(lengths.sum()))
             raise OutOfReach(
-                f"position: {position.tolist()} m is {np.linalg.norm(position - base):.10g} m from the first joint, "
+                f"position: {position.tolist()} m is {np.linalg.norm(position - base):.10g} m from the first joint; "
                 f"the arm reaches from {shortest:.10g} m to {float(lengths.sum()):.10g} m",
                 sample=0,
             )
@@ -179,7 +179,7 @@ def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
 
 
 def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directions task"]:
-    """Return a number of evenly spread unit vectors, or the given ``directions`` scaled to length 1."""
+    """Return this number of evenly spread unit vectors, or the given ``directions`` scaled to length 1."""
     if isinstance(directions, int | np.integer) and not isinstance(directions, bool):
         check_size("directions", directions, 1)
         share = (np.arange(directions) + 0.5 * (task == 3)) / directions
@@ -192,11 +192,11 @@ def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directi
     if vectors.ndim != 2 or vectors.shape[1] != task or not len(vectors):
         fact = f"{directions!r}" if vectors.ndim == 0 else f"shape {vectors.shape}"
         raise InvalidInput(
-            f"directions must be a whole number, or vectors (directions, {task}), at least one, got {fact}"
+            f"directions must be a positive whole number or an array (directions, {task}) of vectors, got {fact}"
         )
     size = np.abs(vectors).max(axis=1, keepdims=True)
     vectors = vectors / np.where(size > 0, size, 1.0)  # scaled first, because squares may overflow or underflow
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     if not length.all():
-        raise InvalidInput(f"directions must be longer than 0, got one of 0 at index {int(np.argmin(length))}")
+        raise InvalidInput(f"directions must be longer than 0, got length 0 at index {int(np.argmin(length))}")
     return vectors / length

@@ -2,8 +2,8 @@
 
 The unknowns are the joint positions q, the front sliders s if there are any, and the following. For each direction d of
 speeds, they are the motors' speeds u and the tool's speed v; for each direction of forces, the force f; if required,
-the power of speeds. The tool stays at its place and moves along d, or pushes along d at rest with the torques g(q) + Jᵀ
-f d, and every motor is within its curve. All of these functions are smooth; maxima at their best sliders are not.
+the power of speeds. The tool is at its position and moves along d, or pushes along d at rest with the torques g(q) + Jᵀ
+f d, and every motor is within its curve. All of these functions are smooth; maxima over positions of sliders are not.
 Source: Kim, Choi & Jang 2021, Eq. 1, for speeds only and one direction at a time; forces are dual to speeds by virtual
 work.
 """
@@ -80,12 +80,12 @@ class DirectionalProgram:
     def parts(
         self, z: Float[np.ndarray, " unknowns"], sizes: Float[np.ndarray, " directions"]
     ) -> dict[str, np.ndarray]:
-        """Return the unknowns by name and in their units."""
+        """Return the unknowns by name, in SI units."""
         values = z * self.scale(sizes)
         return {name: values[place].reshape(self.sizes[name]) for name, place in self.slices.items()}
 
     def initial_point(self, q: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " unknowns"]:
-        """Return the unknowns of a posture at rest, with sliders at their best."""
+        """Return the unknowns of a posture at rest, with sliders at their best positions."""
         z = np.zeros(self.unknowns)
         z[self.slices["q"]] = q
         if isinstance(self.actuation, DistributedActuation):
@@ -98,7 +98,7 @@ class DirectionalProgram:
         return z
 
     def posture_lanes(self, samples: int) -> LanesOf:
-        """Return how users' functions, of motions that stand still, depend on the unknowns."""
+        """Return how users' functions of motions at rest depend on the unknowns."""
         joints, rates = np.arange(self.arm.dof)[None], [0.0] * (3 * samples * self.arm.dof)
         lanes = Lanes(where=joints, parameters=np.zeros((1, 0)), inputs=lambda q, _: ([*(q * samples), *rates], 1.0))
         return lambda *_: [lanes]
@@ -140,7 +140,7 @@ def _transcribe(settings: DirectionalProgram) -> TracedRows:
         load = dynamics.torque_components(arm, q, [0.0] * arm.dof, [0.0] * arm.dof)
         equal: list[Any] = [place[a] - position[a] for a in range(task)]
         ratios, slacks = ratios_and_slacks(arm, settings.actuation, q, list(at["front"]))
-        if "velocity" not in settings.quantities:  # rows of speeds contain it too
+        if "velocity" not in settings.quantities:  # rows of speeds contain these slacks too
             slacks += stall_slacks(settings.actuation, ratios, load)
         for k, (quantity, direction) in enumerate(zip(settings.quantities, directions, strict=True)):
             value, before = at["values"][k], settings.quantities[:k].count("velocity")
@@ -168,7 +168,7 @@ def _transcribe(settings: DirectionalProgram) -> TracedRows:
 
 
 def stall_slacks(actuation: Actuation, ratios: list[tuple[Any, ...]], torque: list[Any]) -> list[Any]:
-    """Return the slacks of motors at rest under torques [N m, N]. Motors without a stall have none."""
+    """Return the slacks of motors at rest under torques [N m, N]. Motors with an infinite stall have none."""
     slacks = list[Any]()
     for m, curve in enumerate(actuation.curves):
         for j in np.flatnonzero(np.isfinite(curve.stall)):

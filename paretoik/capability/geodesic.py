@@ -1,8 +1,8 @@
 """Fastest paths between two points, and the time of any path.
 
-A fastest path is the geodesic of a speed model, on a fine grid. If the tool may have the velocities v with ‖R(p) v‖ ≤
-1, a path takes the time ∫ ‖R(p) dp‖: its length, measured by R. Source: Kim, Choi & Jang 2021, Eq. 6, with one common
-interval and the limit at the midpoint of each piece.
+A fastest path is the geodesic of a speed model, in many pieces. If the tool may have the velocities v with ‖R(p) v‖ ≤
+1, a path takes the time ∫ ‖R(p) dp‖: its length in the metric of R. Source: Kim, Choi & Jang 2021, Eq. 6, with one
+common interval and the limit at the midpoint of each piece.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def run_path(
 ) -> Result:
     """Return the result of ``compute``, saved in the folder ``out`` if there is one."""
     check_flag("overwrite", overwrite)
-    if out is None and observe is None:  # the quick way, for thousands of paths
+    if out is None and observe is None:  # no overhead for callers that compute thousands of paths
         return compute()
     result: Result = HANDED_DOWN["keep_path"](query, compute, out=out, overwrite=overwrite, observe=observe)
     return result
@@ -93,7 +93,7 @@ def evaluate_roots(model: SpeedModel, positions: Float[np.ndarray, "*batch task"
 
 
 def linearise_pieces(model: SpeedModel, points: Float[np.ndarray, "points task"], share: float) -> Pieces:
-    """Return R Δp of a path's pieces, R at a ``share`` of each piece, to first order."""
+    """Return R Δp of each piece and its derivatives by the points, with R at a ``share`` of the piece."""
     change = points[1:] - points[:-1]
     roots, slopes = evaluate_roots(model, points[:-1] + share * change)
     derivative = np.einsum("lijk,lj->lik", slopes, change)
@@ -113,13 +113,13 @@ class GeodesicOptions:
 
     iterations: int = 200
     energy_tolerance: float = 1e-14  # share of the energy: the predicted decrease at which the search ends
-    time_tolerance: float = 1e-10  # share of a time: the error of its quadrature
+    time_tolerance: float = 1e-10  # share of a time: largest error of its quadrature
     quadrature_nodes: int = 5  # Gauss-Legendre nodes per panel
-    fewest_samples: int = 64  # least samples of a path before its time is accepted
+    fewest_samples: int = 64  # least number of samples of a path before its time is accepted
     most_samples: int = 2**18
     start_amplitudes: tuple[float, ...] = (0.2, 0.45)  # shares of the distance: sideways amplitudes of start paths
     difference_step: float = 1e-5  # share of the distance, for second derivatives of R
-    active_multiplier: float = 1e-7  # share of the energy per distance: those of strongly active bounds are larger
+    active_multiplier: float = 1e-7  # share of the energy per distance: strongly active bounds have a larger multiplier
     perturbations: int = 20  # number of perturbations of a path on a saddle: 1/2, 1/4, ... of the distance
 
 
@@ -145,11 +145,11 @@ def path_time(model: SpeedModel, points: ArrayLike, *, tolerance: float = OPTION
 
     model: model of the tool's speed
     points: corners (n, task) of the path [m], with straight lines between them
-    tolerance: largest relative error of the time: samples are doubled until the time settles to it
+    tolerance: largest relative error of the time; samples are doubled until it is reached
 
     Raises InvalidInput for points that are not finite or outside the model's box, a tolerance that is not above zero,
-    and a model that is not finite at some point; SolverFailed if the time has not settled at the finest samples: the
-    model jumps.
+    and a model that is not finite at some point; SolverFailed if the finest samples do not reach the tolerance, because
+    the model jumps.
     """
     check_model(model)
     task, corners = len(model.lower), finite_array("points", points)
@@ -176,10 +176,10 @@ def fastest_path(
 ) -> FastestPath:
     """Return the fastest path from ``start`` to ``target`` (task,) [m] within the model's box.
 
-    Its pieces take nearly equal times. The limit of a piece is that of its midpoint, and Σ ‖R Δp‖² is minimised by
-    Newton's method from a straight start and others bowed sideways; the best optimum is returned. Times are those of a
-    fine quadrature, since a coarse sum can be below the true time. The search leaves saddles. If the model is smooth,
-    the path is a local optimum, but not certainly the global one.
+    Its pieces take nearly equal times. The limit of a piece is that of its midpoint. Newton's method minimises Σ ‖R
+    Δp‖², from a straight line and from curves bowed sideways, and leaves saddles; the best optimum is returned. Times
+    are those of a fine quadrature, since a coarse sum can be below the true time. If the model is smooth, the path is a
+    local optimum, but not certainly the global one.
 
     model: model of the tool's speed
     start: first position (task,) of the tool [m]
@@ -211,7 +211,7 @@ def fastest_path(
         optima = [path for path in paths if path is not None]
         if not optima:
             wish = f"fastest_path must reach an optimum within {OPTIONS.iterations} iterations"
-            raise SolverFailed(f"{wish}, no start does")
+            raise SolverFailed(f"{wish}, got none from any start")
         times = [_integrate_times(model, points, OPTIONS.time_tolerance) for points in optima]
         best = int(np.argmin([pieces.sum() for pieces in times]))
         return FastestPath(points=optima[best], times=np.append(0.0, np.cumsum(times[best])))
@@ -235,14 +235,15 @@ def _integrate_times(model: SpeedModel, points: np.ndarray, tolerance: float) ->
             return times
         panels, before = 2 * panels, times
     raise SolverFailed(
-        f"path_time must settle to {tolerance:g}, got none that does with {OPTIONS.most_samples} samples"
+        f"path_time must reach an error of {tolerance:g}, got a larger one with {OPTIONS.most_samples} samples: the "
+        "model may jump"
     )
 
 
 def _minimise_energy(model: SpeedModel, points: np.ndarray) -> np.ndarray | None:
     """Return the path of least energy near a path, None if the search has not converged.
 
-    Damped Newton steps are projected onto the box: coordinates that are at a bound and would exceed it stay. A path on
+    Damped Newton steps are projected onto the box: coordinates at a bound that they would exceed stay there. A path on
     a saddle is perturbed and the search continues. Source: Bertsekas 1982, Projected Newton methods for optimization
     problems with simple constraints.
     """
@@ -290,7 +291,7 @@ def _newton_system(model: SpeedModel, points: np.ndarray, pieces: Pieces) -> tup
     _, slopes = evaluate_roots(model, np.concatenate([middle[None], ahead, behind]))
     weighted = np.einsum("li,alijk->aljk", values, slopes)
     second = np.einsum("aljk,lj->alk", weighted[1 : task + 1] - weighted[task + 1 :], change)
-    width = np.maximum((ahead - behind).max(axis=2), 1e-300)[..., None]  # each is offset along one axis
+    width = np.maximum((ahead - behind).max(axis=2), 1e-300)[..., None]  # each offset is along one axis
     second = np.moveaxis(second / width, 0, -1) / 8
     second, mixed = second + second.swapaxes(1, 2), weighted[0].swapaxes(1, 2) / 2
     symmetric = mixed + mixed.swapaxes(1, 2)
@@ -339,7 +340,7 @@ def _damped_step(gradient: np.ndarray, bands: np.ndarray, damping: float) -> tup
 def _leave_saddle(model: SpeedModel, points: np.ndarray, bands: np.ndarray, energy: float) -> np.ndarray | None:
     """Return the path of least energy on either side of a saddle, along the most negative curvature.
 
-    None at a minimum: the curvature is positive, or so slightly negative that no perturbation has less energy.
+    Return None at a minimum: the curvature is positive, or no perturbation has less energy.
     """
     try:
         cholesky_banded(bands, lower=True)

@@ -27,15 +27,15 @@ from paretoik.robot.arm import Arm
 class FacetOptions:
     """Tolerances of facets."""
 
-    orthogonal: float = 1e-9  # largest cosine of a column orthogonal to a normal; smallest share that counts
-    crossing: float = 1e-14  # least share of a normal along a direction that it bounds
+    orthogonal: float = 1e-9  # largest cosine between a normal and a column orthogonal to it; relative error of speeds
+    crossing: float = 1e-14  # least cosine between a normal and a direction that it bounds
 
 
 OPTIONS = FacetOptions()
 
 
 def normals(columns: Float[np.ndarray, "*batch task dof"]) -> Float[np.ndarray, "*batch normals task"]:
-    """Return the normals that facets can have, not of length 1, some of them 0.
+    """Return the normals that facets can have. They are not normalised, and some of them are 0.
 
     Tool velocities J q̇ of independent joint speeds are a zonotope. A facet's normal is orthogonal to the columns of J
     that span it: one column in the plane, two in space. Axes are added as columns, in case columns are parallel.
@@ -89,7 +89,8 @@ def fastest_joint_speeds(
 ) -> tuple[Float[np.ndarray, " batch"], Float[np.ndarray, "batch dof"]]:
     """Return ``highest_speeds`` for one direction per posture, and joint speeds that reach them.
 
-    On a facet, all joints except those whose columns span it are at one of their ends; these follow from the velocity.
+    On a facet, the joints whose columns span it have speeds that follow from the velocity; all others are at an end of
+    their range.
     """
     faces, bound, index = _facets(columns, low, high, directions[:, None])
     rows = np.arange(len(faces))
@@ -115,9 +116,10 @@ def fastest_joint_speeds(
 def _facets(
     columns: np.ndarray, low: np.ndarray, high: np.ndarray, directions: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the normals, the value that each allows (*batch, normals, directions), and the strictest normal.
+    """Return the normals, the value that each allows (*batch, normals, directions), and the strictest normal's index.
 
-    The rounding of a normal that is nearly orthogonal to a direction must not make it the strictest one.
+    For its choice, rounding errors are added to the values: they are large for normals nearly orthogonal to a
+    direction.
     """
     faces = normals(columns)
     shares = faces @ columns
@@ -143,7 +145,7 @@ Quantity = Literal["velocity", "force"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointSpeeds:
-    """The lowest and highest speed of every joint, all (*batch, dof) [rad/s, m/s]; NaN if a joint cannot hold.
+    """The lowest and highest speed of every joint (*batch, dof) [rad/s, m/s]; NaN if it cannot bear its torque.
 
     ``front_low`` and ``front_high`` are the positions [m] of the front sliders that give them; 0 without sliders.
     """
@@ -155,7 +157,7 @@ class JointSpeeds:
 
 
 def joint_speeds(actuation: Actuation, q: Joints, torque: Joints) -> JointSpeeds:
-    """Return the speeds (*batch, dof) of joints under a torque, with the best sliders."""
+    """Return the speeds (*batch, dof) of joints under a torque, at the best positions of sliders."""
     if np.shape(q) != np.shape(torque) or np.shape(q)[-1:] != (actuation.dof,):
         raise InvalidInput(
             f"q and torque must have shape (..., {actuation.dof}), got {np.shape(q)} and {np.shape(torque)}"
@@ -165,7 +167,7 @@ def joint_speeds(actuation: Actuation, q: Joints, torque: Joints) -> JointSpeeds
 
 
 def speeds_at_sliders(actuation: Actuation, q: Joints, torque: Joints, front: Joints) -> tuple[Joints, Joints]:
-    """Return the lowest and highest joint speeds (*batch, dof) at given front sliders; NaN if overloaded."""
+    """Return the lowest and highest joint speeds (*batch, dof) at positions of front sliders; NaN if overloaded."""
     ratios = actuation.ratios(q, front)
     efforts = ratios * torque[..., None, :]
     low, high = ((ratios * _fastest_motors(actuation, ratios, efforts, ahead)).sum(-2) for ahead in (False, True))
@@ -173,7 +175,7 @@ def speeds_at_sliders(actuation: Actuation, q: Joints, torque: Joints, front: Jo
 
 
 def torques_at_sliders(actuation: Actuation, q: Joints, front: Joints) -> Joints:
-    """Return the torques (*batch, dof) [N m, N] that joints at rest can hold at given front sliders."""
+    """Return the torques (*batch, dof) [N m, N] that joints at rest can hold at positions of front sliders."""
     ratios, stall = actuation.ratios(q, front), np.stack([curve.stall for curve in actuation.curves])
     with np.errstate(divide="ignore"):  # a motor orthogonal to the joint's motion bears no load
         return np.asarray((stall / np.abs(ratios)).min(axis=-2))
@@ -208,9 +210,9 @@ def _fastest_motors(actuation: Actuation, ratios: np.ndarray, efforts: np.ndarra
 
 
 def torque_capacity(actuation: Actuation, q: Joints) -> tuple[Joints, Joints]:
-    """Return the torques [N m, N] that joints at rest can hold, and their front sliders, both (*batch, dof).
+    """Return the torques [N m, N] that joints at rest can hold, and positions of front sliders, both (*batch, dof).
 
-    Both are at the best sliders; torques are NaN if no slider fits.
+    The sliders are at their best positions; torques are NaN if no position is possible.
     """
     maxima = _joint_maxima(actuation, q, np.zeros_like(q), actuators.HOLD)
     return maxima[..., 0], maxima[..., 1]
@@ -244,7 +246,7 @@ def overload_error(actuation: Actuation, arm: Arm, q: Joints, torque: Joints) ->
             limit=f"angle of {name}",
         )
     return Infeasible(
-        f"{name} must bear a torque of at most {capacity[worst]:.4g} N m, which its motor can hold there, "
+        f"{name} must bear a torque of at most {capacity[worst]:.4g} N m, the capacity of its motor there, "
         f"got {abs(torque[worst]):.4g} N m",
         limit=f"torque of {name}",
         violation=float(share[worst] - 1.0),

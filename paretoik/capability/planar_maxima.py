@@ -129,7 +129,7 @@ class PlanarSearchOptions(NamedTuple):
     overshoot: float = 1e-12  # rad by which rounding may exceed a joint limit
     bisections: int = 40  # number of bisections for places at which limits begin or end to be satisfied
     sections: int = 40  # golden sections
-    parallel: float = 1e-14  # least share of a direction along a normal that bounds it
+    parallel: float = 1e-14  # least |n · d|, as a share of its terms, for a normal n that bounds a direction d
 
 
 OPTIONS = PlanarSearchOptions()
@@ -175,7 +175,7 @@ def greatest_force(columns, ranges, x, y):
 def _slack(curve, place, problem, q, work):
     """Return the slack of limits and motors at a place; negative if they are violated.
 
-    It is in rad for limits and angles of rods. Within these, torques count, as shares of the capacity.
+    For limits and angles of rods it is in rad. If these are satisfied, it includes torques, as shares of the capacity.
     """
     arm, table, target, _ = problem
     columns, loads, _, ends = work
@@ -324,19 +324,19 @@ def write_maxima(problem, directions, values, postures):
 def _update_maximum(curve, places, place_values, direction, problem, q, work, value, posture):
     """Write the maximum along one direction on a curve, refined from its best places, if it is larger."""
     count = len(places)
-    tops, index, one = np.full(OPTIONS.refined, -1.0), np.zeros(OPTIONS.refined, dtype=np.int64), np.empty(1)
+    best, index, one = np.full(OPTIONS.refined, -1.0), np.zeros(OPTIONS.refined, dtype=np.int64), np.empty(1)
     for i in range(count):
-        top = place_values[i]
-        if top <= tops[-1] or top < place_values[i - 1] or top < place_values[(i + 1) % count]:
+        here = place_values[i]
+        if here <= best[-1] or here < place_values[i - 1] or here < place_values[(i + 1) % count]:
             continue
         k = OPTIONS.refined - 1
-        while k > 0 and tops[k - 1] < top:
-            tops[k], index[k] = tops[k - 1], index[k - 1]
+        while k > 0 and best[k - 1] < here:
+            best[k], index[k] = best[k - 1], index[k - 1]
             k -= 1
-        tops[k], index[k] = top, i
+        best[k], index[k] = here, i
     step = 2.0 * np.pi / OPTIONS.around
     for k in range(OPTIONS.refined):
-        if tops[k] < 0.0:
+        if best[k] < 0.0:
             break
         i = index[k]
         after = (i + 1) % count
@@ -347,8 +347,8 @@ def _update_maximum(curve, places, place_values, direction, problem, q, work, va
         arguments = (curve, direction, problem, q, work, one)
         minimum, place = golden_section(_negative_value_at, arguments, low, high, OPTIONS.sections)
         refined = -minimum
-        if tops[k] > refined:
-            refined, place = tops[k], places[i]
+        if best[k] > refined:
+            refined, place = best[k], places[i]
         if refined > value[0]:
             _write_values(curve, place, direction, problem, posture, work, one)
             value[0] = one[0]

@@ -1,8 +1,8 @@
 """The nonlinear program of a motion from point to point.
 
 The unknowns are the spline coefficients of joints and sliders, the time of every interval, and the work of every motor
-in every interval. The costs are the sums of times and of work. Ends are fixed. Motors are within their curves from
-sample to sample and hold the arm, and positions are within bounds at the samples. So the same few rows are repeated.
+in every interval. The costs are the sums of times and of work. Ends are fixed. Motors are within their curves in every
+interval; at every sample they can hold the arm, and positions are within bounds. So the same few rows are repeated.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.arm_arguments import TOOL_FRAME
 from paretoik.robot.dynamics import gravity_torques
 
-# Least time and work of a motion in closed form: the slowest motor, under gravity halfway, sets each interval.
-# Quasi-static, as in Kim, Choi & Jang 2021: torques of inertia are not counted.
+# Least time and work of a motion in closed form: the slowest motor determines each interval, under gravity at its
+# midpoint. Quasi-static, as in Kim, Choi & Jang 2021: torques of inertia are not counted.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,8 +38,7 @@ class Timing:
     intervals: times (*batch, intervals) [s]; NaN if a motor cannot bear its effort
     travel: travel of motors (*batch, intervals, motors, dof) [rad or m]
     effort: effort of motors (*batch, intervals, motors, dof) [N m or N]
-    overload: excess of the worst effort, in intervals or at samples, over its motor's capacity as a share (*batch,);
-        negative without any
+    overload: largest effort, in intervals or at samples, as a share of its motor's capacity, minus 1 (*batch,)
     """
 
     intervals: Float[np.ndarray, "*batch intervals"]
@@ -49,7 +48,7 @@ class Timing:
 
     @property
     def work(self) -> Float[np.ndarray, "*batch intervals motors dof"]:
-        """Work of each motor, given or taken [J]: travel times effort, without signs."""
+        """Work that each motor does or absorbs [J]: |effort · travel|."""
         return np.abs(self.effort * self.travel)
 
     @property
@@ -59,13 +58,14 @@ class Timing:
 
     @property
     def energy(self) -> Float[np.ndarray, "*batch"]:
-        """Work of all motors, given or taken [J]: braking costs as much as driving."""
+        """Work that all motors do or absorb [J]: braking costs as much as driving."""
         return np.asarray(self.work.sum(axis=(-1, -2, -3)))
 
     def lateness(self, allowed: Float[np.ndarray, "*batch coarse"]) -> Float[np.ndarray, "*batch"]:
-        """Return the largest lack of time of coarser intervals, as a share of their mean.
+        """Return the largest amount by which coarser intervals are too short, as a share of their mean.
 
-        Each coarse interval has equally many fine intervals; one that no motor can bear does not count.
+        Each coarse interval has equally many fine intervals; one with a motor that cannot bear its effort does not
+        count.
         """
         shortest = self.intervals.reshape(*allowed.shape, -1).sum(axis=-1)
         late = np.nan_to_num(shortest - allowed, nan=0.0).max(axis=-1) / allowed.mean(axis=-1)
@@ -106,8 +106,8 @@ def require_weight(arm: Arm) -> None:
     """Raise InvalidInput if motors work against no weight in any posture."""
     if not gravity_torques(arm, np.random.default_rng(0).normal(size=(4, arm.dof))).any():
         raise InvalidInput(
-            f"energy must be False without weight that motors work against, got {arm.name}: without masses, or "
-            "gravity in its plane, work is free; energy=False leaves it out"
+            f"energy must be False if motors work against no weight, got True for {arm.name}, which has no masses or "
+            "no gravity along its motions"
         )
 
 
@@ -210,7 +210,7 @@ class PointToPointProgram:
     def lanes(self, term: SmoothTerm, samples: list[int]) -> list[Lanes]:
         """Return how a user's function depends on the unknowns: the first sample, the others, or the whole motion.
 
-        Rates are backward differences, 0 at the first sample, as those of the motions of the front.
+        Rates are backward differences, 0 at the first sample, as in the motions of the front.
         """
         if not term.local:
             intervals = np.arange(self.slices["times"].start, self.slices["times"].stop)
@@ -228,7 +228,7 @@ class PointToPointProgram:
         return [*first, self._sample_lanes(samples[len(first) :], term.orders)]
 
     def _sample_lanes(self, samples: list[int], orders: int) -> Lanes:
-        """Return the lanes of functions of rates up to an order, which read the samples before too."""
+        """Return the lanes of functions of rates up to an order; these also depend on previous samples."""
         window = np.maximum(np.array(samples)[:, None] - np.arange(orders + 1), 0)
         weights = self.spline[window]  # (lanes, window, coefficients)
         nonzero = np.any(weights > 0, axis=1)
@@ -252,7 +252,7 @@ class PointToPointProgram:
         return Lanes(where=where, parameters=weights.reshape(len(near), -1), inputs=inputs)
 
     def _where(self, near: np.ndarray) -> np.ndarray:
-        """Return the indices of all joints' and sliders' unknowns with coefficients (batch, reach)."""
+        """Return the indices of unknowns, for coefficients ``near`` (batch, reach) of all joints and sliders."""
         dof = self.arm.dof
         joints = (near[:, :, None] * dof + np.arange(dof)).reshape(len(near), -1)
         return np.concatenate([joints + self.slices["front"].start * k for k in range(self.motors)], axis=1)
@@ -285,7 +285,7 @@ def _end(arm: Arm, task: int) -> TracedRows:
 
 @lru_cache(maxsize=32)
 def _sample(arm: Arm, actuation: Actuation, reach: int) -> TracedRows:
-    """Return the program of bounds and holding motors at one sample."""
+    """Return the program of bounds, and of motors that hold the arm, at one sample."""
 
     def rows(z: list[Any], weights: list[Any]) -> tuple[list[Any], list[Any]]:
         q, front = _at(arm, actuation, z, weights)

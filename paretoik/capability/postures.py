@@ -40,7 +40,7 @@ class AscentOptions:
     distance: float = 0.5  # least distance of starts in some joint [rad, m]
     feasible: float = 1e-8  # largest violation of the program at a feasible end point
     interior_point: InteriorPointOptions = InteriorPointOptions(barrier=1e-2, iterations=300)  # from a start
-    # near a maximum, or if interior points do not converge
+    # near a maximum, or if the interior-point method does not converge
     sqp: InteriorPointOptions = InteriorPointOptions(radius=0.1, iterations=200, tolerance=1e-9)
 
 
@@ -102,7 +102,7 @@ def ascend(
     """Return the posture of a local maximum along a direction; None if it violates limits.
 
     size: approximate expected value [m/s, N]
-    near: whether the start is near a maximum; then quadratic programs stay at it, but interior points may leave it
+    near: whether the start is near a maximum; SQP stays near it, the interior-point method may leave it
     """
     cost = np.zeros((1, program.unknowns))
     cost[0, program.slices["values"]] = -1.0
@@ -119,7 +119,7 @@ def ascend(
 
 
 def distant_postures(arm: Arm, q: np.ndarray) -> list[np.ndarray]:
-    """Return the first postures that are far from each other, up to ``largest``."""
+    """Return up to ``largest`` postures, each far from all those chosen before it."""
     chosen, remaining = list[np.ndarray](), q
     while len(remaining) and len(chosen) < ASCENT_OPTIONS.largest:
         chosen.append(remaining[0])
@@ -135,11 +135,11 @@ def distant_postures(arm: Arm, q: np.ndarray) -> list[np.ndarray]:
 class PostureSampleOptions:
     """Settings of the search for postures that motors can hold."""
 
-    enough: int = 64  # number of postures that can be held at which sampling stops
+    enough: int = 64  # number of holdable postures at which sampling stops
     batches: int = 8  # largest number of batches of samples
     clear: float = 2.0  # share of capacity: if all samples have a larger load, no posture can be held
     starts: int = 8  # number of least overloaded samples from which overloads are reduced
-    tool_radius: float = 0.1  # m: with the motors' highest speed, the magnitude of a tool's speed
+    tool_radius: float = 0.1  # m: times the motors' highest speed, it gives the magnitude of tool speeds
 
 
 OPTIONS = PostureSampleOptions()
@@ -227,7 +227,7 @@ def restrict_to_rods(arm: Arm, actuation: Actuation) -> Arm:
 
 
 def stationary_task(arm: Arm, position: Float[np.ndarray, " task"]) -> MotionTask:
-    """Return the task of a tool that stays at its place."""
+    """Return the task of a tool that stays at a position."""
     path = sample_curve(Line(position, np.zeros_like(position), None, np.zeros(3)), np.array([0.0, 0.5, 1.0]))
     return motion_task(arm, path, objectives=[joint_travel], differences="backward", redundant=False)
 
@@ -252,7 +252,7 @@ def can_hold(arm: Arm, actuation: Actuation, q: Joints) -> Bool[np.ndarray, " po
 
 
 def postures_error(arm: Arm, actuation: Actuation, q: np.ndarray, position: np.ndarray) -> Infeasible:
-    """Return the error for the posture nearest to being held within limits, if none can be held."""
+    """Return the error for the least infeasible posture, if motors can hold none within limits."""
     excess = limit_excess(arm, q)
     inside = q[(excess <= 0).all(axis=1)]
     if len(inside):
@@ -264,6 +264,6 @@ def postures_error(arm: Arm, actuation: Actuation, q: np.ndarray, position: np.n
     joint = int(np.argmax(excess[row]))
     return Infeasible(
         f"{arm.joint_names[joint]} must be within its limits, got {excess[row, joint]:.3g} rad or m "
-        f"past them in the best of {len(q)} postures that reach {position.tolist()} m",
+        f"beyond them in the best of {len(q)} postures that reach {position.tolist()} m",
         limit=f"position of {arm.joint_names[joint]}",
     )

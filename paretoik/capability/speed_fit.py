@@ -122,7 +122,7 @@ class EllipsoidFitOptions:
     """Settings of the fits of ellipsoids, measured on the data of ``studies.kim_2021``."""
 
     longest: float = 30.0  # largest radius of an ellipsoid within the box, in radii of the ball of equal volume
-    needle: float = 10.0  # radius at a sample, in its largest speed, above which directions do not determine it
+    needle: float = 10.0  # radius at a sample, per largest speed there, above which directions do not determine it
     clearance: float = 1e-12  # distance of log speeds of a safe fit from their bounds, against rounding
 
 
@@ -155,7 +155,7 @@ def fit_ellipsoids(
     margin: margin of a safe fit, at least 0; 0.02 is about 2 %
 
     Raises InvalidInput for arrays whose shapes differ, speeds that are not positive, and positions or directions that
-    do not determine the model; SolverFailed if the program has no solution that directions determine.
+    do not determine the model; SolverFailed if directions do not determine the solution, or there is none.
     """
     if not finite_array("margin", margin, ()) >= 0.0 or (margin > 0.0 and not safe):
         raise InvalidInput(f"margin must be a finite number of at least 0, and 0 unless safe, got {shown(margin)}")
@@ -190,8 +190,8 @@ def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> Ax
 
     The stages are the ellipse of each position, then polynomials. Arguments and errors are those of ``fit_ellipsoids``;
     it also raises InvalidInput if positions are not in the plane. The radii a ≥ b and the angle c of each ellipse are
-    those of least relative errors; c is continued along a shortest tree of positions. Source: Kim, Choi &
-    Jang 2021, Eq. 5 and section 3.1.
+    those of least relative errors; c is made continuous along a shortest spanning tree of positions. Source: Kim, Choi
+    & Jang 2021, Eq. 5 and section 3.1.
     """
     positions, directions, speeds = checked_samples(positions, directions, speeds)
     if positions.shape[1] != 2:
@@ -202,11 +202,11 @@ def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> Ax
     major, minor = 1.0 / np.sqrt(squares.T)
     # Each angle is the nearest, modulo π, to that of a neighbour along a shortest spanning tree.
     angles = np.arctan2(vectors[:, 1, 0], vectors[:, 0, 0])
-    distances = 1.0 + np.linalg.norm(positions[:, None] - positions, axis=-1)  # + 1: the same tree; 0 would be no edge
+    distances = 1.0 + np.linalg.norm(positions[:, None] - positions, axis=-1)  # + 1, since 0 means no edge: same tree
     order, parents = breadth_first_order(minimum_spanning_tree(distances), 0, directed=False)
     for index in order[1:]:
         angles[index] -= np.pi * np.round((angles[index] - angles[parents[index]]) / np.pi)
-    for _ in angles:  # the squared errors fall every time, or no longer change
+    for _ in angles:  # every iteration reduces the squared errors, until they no longer change
         fitted = design @ (design.T @ angles) / len(positions)
         angles = angles + np.pi * np.round((fitted - angles) / np.pi)
     coefficients = np.linalg.solve(triangular, design.T @ np.stack([major, minor, angles], axis=1)) / len(positions)
@@ -236,6 +236,6 @@ def check_needles(slowness: Float[np.ndarray, " samples"], speeds: Speeds) -> No
     ratio = 1.0 / (slowness * speeds.max(axis=1))
     if not ratio.max() <= OPTIONS.needle:
         raise SolverFailed(
-            f"speeds must give ellipsoids within {OPTIONS.needle:g} times the speeds, at position "
-            f"{np.argmax(ratio)} one grew to {ratio.max():.3g}: give more directions"
+            f"speeds must give radii of at most {OPTIONS.needle:g} times the largest speed, got {ratio.max():.3g} at "
+            f"position {np.argmax(ratio)}; give more directions"
         )

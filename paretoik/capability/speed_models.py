@@ -38,7 +38,7 @@ class Polynomials:
     def __call__(
         self, positions: Float[np.ndarray, "*batch task"]
     ) -> tuple[Float[np.ndarray, "*batch columns"], Float[np.ndarray, "*batch columns task"]]:
-        """Return values and their derivatives by position [1/m]."""
+        """Return values and their derivatives with respect to the position [1/m]."""
         design = self.design(positions)
         values = (design @ self._jet).reshape(*design.shape[:-1], -1, 1 + len(self.center))
         return values[..., 0], values[..., 1:]
@@ -89,7 +89,7 @@ class Polynomials:
 
 
 def monomials(task: int, degree: int) -> Int[np.ndarray, "terms degree"]:
-    """Return the factors 1 (0), x₁, x₂, … of every product of ``degree`` of them, the lowest degree first."""
+    """Return the factors of each monomial as indices: 0 for 1, i for xᵢ. The lowest degree comes first."""
     rows = list(combinations_with_replacement(range(1 + task), degree))
     return np.array(rows, dtype=int).reshape(len(rows), degree)
 
@@ -137,8 +137,8 @@ Roots: TypeAlias = tuple[Float[np.ndarray, "*batch task task"], Float[np.ndarray
 class SpeedModel(Protocol):
     """Ellipsoids of tool velocity, smooth in the position.
 
-    At p they contain the v with ‖R(p) v‖ ≤ 1, so that a path takes the time ∫ ‖R(p) dp‖. ``lower`` and ``upper``
-    (task,) [m] are the corners of the box of valid positions.
+    At p the ellipsoid contains the velocities v with ‖R(p) v‖ ≤ 1, so that a path takes the time ∫ ‖R(p) dp‖. ``lower``
+    and ``upper`` (task,) [m] are the corners of the box of valid positions.
     """
 
     @property
@@ -245,7 +245,7 @@ def spectral_roots(
 ) -> Roots:
     """Return R = Q^(1/2) / s and its derivatives, from log s and the upper triangle of Q.
 
-    Not finite if Q is not positive definite. Source: Higham, Functions of Matrices, theorem 3.11.
+    They are not finite if Q is not positive definite. Source: Higham, Functions of Matrices, theorem 3.11.
     """
     place = upper_triangle(values.shape[-1] - 1)
     eigenvalues, vectors = np.linalg.eigh(values[..., 1:][..., place])

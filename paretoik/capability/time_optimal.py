@@ -76,16 +76,16 @@ class Planner:
     The unknowns are the points between the pieces and the intervals. The velocity limit ‖R v‖ ≤ 1 is linearised around
     the last path within a trust region in each iteration, which solves a second-order cone program.
 
-    Source: Kim, Choi & Jang 2021, Eq. 6; the formulation "printed" is that equation to the letter. There every piece
-    has an interval of its own and its limit at its beginning: one long piece from a place at which the tool is quick
-    jumps over all slow places. With "midpoint" the pieces have one common interval and their limit in the middle.
+    Source: Kim, Choi & Jang 2021, Eq. 6; the formulation "printed" is exactly that equation. There every piece has its
+    own interval and the limit at its beginning: one long piece from a position of high speed can jump over all
+    positions of low speed. With "midpoint" the pieces have one common interval and the limits at their midpoints.
     """
 
     def __init__(self, model: SpeedModel, *, horizon: int, formulation: Formulation) -> None:
         check_size("horizon", horizon, 1)
         self.model, self.horizon = model, horizon
         self._common = formulation == "midpoint"
-        self._place = 0.5 if self._common else 0.0  # share of a piece at which its limit is taken
+        self._share = 0.5 if self._common else 0.0  # share of a piece at which its limit is evaluated
         self._solver = IntervalSolver(horizon, len(model.lower), common=self._common) if horizon > 1 else None
 
     def initial_points(self, start: Float[np.ndarray, " task"], target: Float[np.ndarray, " task"]) -> np.ndarray:
@@ -106,7 +106,7 @@ class Planner:
         Raises SolverFailed if the iterations do not converge, or Clarabel finds no solution. Source: Fletcher 1982, A
         model algorithm for composite nondifferentiable optimization problems.
         """
-        pieces = linearise_pieces(self.model, points, self._place)
+        pieces = linearise_pieces(self.model, points, self._share)
         intervals, iterations = self._intervals(pieces), 0
         settled = not intervals.any()
         radius = OPTIONS.radius * float(np.abs(points[-1] - points[0]).max())
@@ -123,7 +123,7 @@ class Planner:
             solution = solver.solve(pieces, lower, upper)
             trial = points.copy()
             trial[1:-1] = np.clip(inner + solution.moves, self.model.lower, self.model.upper)
-            trial_pieces = linearise_pieces(self.model, trial, self._place)
+            trial_pieces = linearise_pieces(self.model, trial, self._share)
             predicted, actual = now - float(solution.intervals.sum()), now - float(self._intervals(trial_pieces).sum())
             if actual > 0.1 * predicted:
                 points, pieces, intervals = trial, trial_pieces, self._intervals(trial_pieces)
@@ -135,8 +135,8 @@ class Planner:
                 radius = farthest / 2
             elif actual > 0.75 * predicted and farthest > 0.99 * radius:
                 radius *= 2
-        # The velocity along the first piece with a length, at the limit at the plan's beginning: a plan with limits in
-        # the middle begins as fast as it may be half a piece later, but a command must satisfy the limit now.
+        # The velocity is along the first piece with a length, as fast as the limit at the plan's beginning allows. The
+        # plan itself may begin faster, if its limits are at midpoints.
         change, velocity = points[1:] - points[:-1], np.zeros(points.shape[1])
         far = np.abs(change).max(axis=1) > 1e-6 * np.abs(points - points[0]).max()
         if far.any():
@@ -203,10 +203,10 @@ def time_optimal_control(
     model allows at the tool's position. After the reference has arrived, only the controller continues, until the tool
     is within ``tolerance`` of the target.
 
-    The plant is the model itself: commands hold exactly for a period. The tool's position is fed back to the controller
+    The plant is the model itself: the tool follows commands exactly. The tool's position is fed back to the controller
     only; plans begin at the reference, so that ``arrival`` and ``to_go`` depend neither on ``initial`` nor on ``gain``,
     and say nothing about an arm that is slower than its model.
-    Source: Kim, Choi & Jang 2021, Eqs. 6 and 7, with the gain, the cut and the two ends added.
+    Source: Kim, Choi & Jang 2021, Eqs. 6 and 7. The gain, the cut and both criteria of arrival are added.
 
     model: model of the tool's speed
     start: first reference (task,) [m]
@@ -225,7 +225,7 @@ def time_optimal_control(
     Raises InvalidInput for positions that are not finite or outside the model's box, a horizon below 1, a period or
     tolerance not above 0, a gain outside (0, 1 / period], an unknown formulation, and a model that is not finite
     somewhere; SolverFailed if a plan does not converge, or the reference has not arrived after ten times the straight
-    line's time, or the tool stands still.
+    line's time, or the tool stops.
     """
     check_model(model)
     check_choice("formulation", formulation, get_args(Formulation))
@@ -289,7 +289,7 @@ def _reference(
         guess = planner.shift(plans[-1], points[-1], period) if plans else planner.initial_points(start, target)
         plans.append(planner.plan(guess))
         seconds.append(perf_counter() - began)
-        # if pieces last less than a period, the way along the first leads past the next point, and maybe past a wall
+        # if pieces last less than a period, the step passes the next point, and perhaps a bound of the box
         points.append(np.clip(points[-1] + period * plans[-1].velocity, model.lower, model.upper))
     return np.stack(points), plans, seconds
 

@@ -1,8 +1,8 @@
 """Users' functions of motions for small dense programs.
 
-Functions are traced; kinks have epigraph variables. The few unknowns of a program determine the samples of a motion. A
-term is a function with its sense. It is traced once, by positions and rates: at one sample if it depends on one at a
-time. The program says how positions and rates depend on the unknowns.
+The few unknowns of a program determine the samples of a motion. A term is a function that is minimised or bounded. It
+is traced once as a function of positions and rates, at one sample if it depends on one sample at a time. Kinks get
+epigraph variables. The program says how positions and rates depend on the unknowns.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Term:
 
 
 def objective_term(objective: Objective, unit: float) -> Term:
-    """Return the term of a minimised objective, in a unit."""
+    """Return the term of a minimised objective, divided by a unit."""
     label, factor = f"objective {objective.name}", objective.sign / unit
     return Term(label=label, function=objective.function, form=objective.form, factor=factor)
 
@@ -73,12 +73,13 @@ def constraint_terms(constraint: Constraint) -> list[Term]:
 class SmoothTerm:
     """A term of a program on its own tape.
 
-    local: whether the term is traced at one sample; else for the whole motion, with one value, or a peak's per sample
-    inputs: number of positions and rates, with the intervals of motions that have times of their own (for one sample:
-        the duration); the first inputs of the tape
+    local: whether the term is traced at one sample; else for the whole motion, with one value, or one per sample if it
+        is a peak
+    inputs: number of the tape's first inputs: positions and rates, then intervals of motions with their own times (the
+        duration for one sample)
     parameters: next inputs of the tape, numbers (samples, count) that differ from sample to sample
     units: units of the epigraph variables, the last inputs of the tape
-    evaluator: values, and kinks of the epigraph variables
+    evaluator: evaluator of values, then of the kinks that have epigraph variables
     orders: number of derivatives of positions that are read
     reads_duration: whether the value at one sample depends on the duration
     """
@@ -124,10 +125,12 @@ class SmoothTerm:
 
 
 def smooth_term(term: Term, task: MotionTask, near: Motion, *, own_times: bool) -> SmoothTerm:
-    """Return a term for motions (points, time, dof) like those ``near``, which give the size of numbers.
+    """Return a term for motions (points, time, dof) that are similar to ``near``.
 
-    Motions are those of ``task``, or, with ``own_times``, of its arm only. Kinks are searched for at 64 points around
-    them. Raises InvalidInput, naming the function, if it has no derivative.
+    own_times: whether motions have their own times and follow no task
+
+    Kinks are searched for at 64 points around ``near``. Raises InvalidInput, naming the function, if it has no
+    derivative.
     """
     value = None
     if own_times and term.form in ("integral", "peak"):  # at one sample, if possible
@@ -184,8 +187,8 @@ def _pad(columns: np.ndarray, motion: TracedMotion) -> np.ndarray:
     return np.pad(columns, ((0, len(motion.trace.tape.inputs) - len(columns)), (0, 0)))
 
 
-# Rows and unknowns that users' functions of motions add to a small dense program: a minimised term is the sum of
-# epigraph variables (``tops``), one per sample of an integral, else one; a bounded term has its bound instead.
+# Rows and unknowns that users' functions of motions add to a small dense program. A minimised term is the sum of its
+# values' epigraph variables, one per sample of an integral, else one; a bounded term has its bound instead.
 
 
 Inputs = Callable[[list[Any], list[Any]], tuple[list[Any], Any]]
@@ -194,7 +197,7 @@ Inputs = Callable[[list[Any], list[Any]], tuple[list[Any], Any]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lanes:
-    """Samples of a motion, or a whole one: ``inputs`` of a term depend on the unknowns ``where`` and parameters."""
+    """Samples of a motion, or a whole one. A term's ``inputs`` depend on the unknowns ``where`` and ``parameters``."""
 
     where: Int[np.ndarray, "lanes unknowns"]
     parameters: Float[np.ndarray, "lanes parameters"]
@@ -207,10 +210,14 @@ LanesOf = Callable[[SmoothTerm, list[int]], list[Lanes]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TermRows:
-    """Terms of motions of ``samples`` samples, whose unknowns come after the ``first`` of a program.
+    """Rows and unknowns of terms.
 
-    ``intervals`` are the indices of unknowns for intervals, in units of ``pace`` [s]; none if times are fixed. Their
-    mean is an unknown too if a term at one sample reads the duration.
+    samples: number of samples of motions
+    first: number of unknowns of the program, which come before those of the terms
+    intervals: indices of unknowns for intervals; none if times are fixed
+    pace: unit of the intervals [s]
+
+    The mean interval is an unknown too if a term at one sample reads the duration.
     """
 
     terms: tuple[SmoothTerm, ...]
@@ -229,45 +236,45 @@ class TermRows:
         return list(range(int(term.is_sum), self.samples if term.local else 1))
 
     @cached_property
-    def places(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Unknowns of every term: tops, and epigraph variables of kinks (lanes, variables)."""
-        places, end = list[tuple[np.ndarray, np.ndarray]](), self.first + self.reads_duration
+    def indices(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Indices of every term's epigraph variables: of values (count,), and of kinks (lanes, variables)."""
+        indices, end = list[tuple[np.ndarray, np.ndarray]](), self.first + self.reads_duration
         for term in self.terms:
             lanes = len(self.lanes(term))
-            tops, variables = lanes if term.is_sum else int(term.term.is_objective), len(term.units)
-            numbers = end + np.arange(tops + lanes * variables)
-            places.append((numbers[:tops], numbers[tops:].reshape(lanes, variables)))
+            count, variables = lanes if term.is_sum else int(term.term.is_objective), len(term.units)
+            numbers = end + np.arange(count + lanes * variables)
+            indices.append((numbers[:count], numbers[count:].reshape(lanes, variables)))
             end += len(numbers)
-        return places
+        return indices
 
     @property
     def unknowns(self) -> int:
         """Number of all unknowns, with those of the program."""
-        return self.first + self.reads_duration + sum(a.size + b.size for a, b in self.places)
+        return self.first + self.reads_duration + sum(a.size + b.size for a, b in self.indices)
 
     @property
     def costs(self) -> Float[np.ndarray, "objectives unknowns"]:
-        """Gradients of the objectives, minimised, in their own units."""
+        """Gradients of the minimised objectives, in their own units."""
         objectives = [
-            (one.term.factor, tops)
-            for one, (tops, _) in zip(self.terms, self.places, strict=True)
+            (one.term.factor, epigraphs)
+            for one, (epigraphs, _) in zip(self.terms, self.indices, strict=True)
             if one.term.is_objective
         ]
         costs = np.zeros((len(objectives), self.unknowns))
-        for row, (factor, tops) in zip(costs, objectives, strict=True):
-            row[tops] = 1.0 / abs(factor)
+        for row, (factor, epigraphs) in zip(costs, objectives, strict=True):
+            row[epigraphs] = 1.0 / abs(factor)
         return costs
 
     def values(self, motions: Motion) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of motions (points, time, dof) beyond those of the program."""
         columns = [motions.duration[:, None] / (self.pace * len(self.intervals))] if self.reads_duration else []
-        for term, (tops, _) in zip(self.terms, self.places, strict=True):
+        for term, (epigraphs, _) in zip(self.terms, self.indices, strict=True):
             values, variables = term.evaluate(motions)
             if term.is_sum:
                 intervals = np.diff(motions.time)
                 columns.append(values[:, 1:, 0] * intervals)
                 variables = variables[:, 1:] * intervals[..., None] / self.pace
-            elif len(tops):
+            elif len(epigraphs):
                 columns.append(values.max(axis=(1, 2))[:, None])
             columns.append(variables.reshape(len(motions), -1))
         return np.concatenate(columns, axis=1) if columns else np.zeros((len(motions), 0))
@@ -279,25 +286,29 @@ class TermRows:
             count, where = len(self.intervals), np.append(self.intervals, self.first)[None]
             mean = trace_rows(count + 1, 0, lambda z, _: ([z[-1] - sum(z[:-1], start=0.0) * (1 / count)], []))
             parts.append(Part(program=mean, where=where, parameters=none))
-        for term, (tops, variables) in zip(self.terms, self.places, strict=True):
+        for term, (epigraphs, variables) in zip(self.terms, self.indices, strict=True):
             samples, done = self.lanes(term), 0
             for lanes in lanes_of(term, samples):
                 count = len(lanes.where)
                 rows = slice(done, done + count)
-                top = tops[rows, None] if term.is_sum else np.tile(tops, (count, 1))
+                epigraph = epigraphs[rows, None] if term.is_sum else np.tile(epigraphs, (count, 1))
                 numbers = term.parameters[samples[rows]] if term.local else term.parameters
                 interval = np.full((count, int(term.reads_duration)), self.first)
-                unknowns = np.concatenate([variables[rows], interval, top], axis=1)
+                unknowns = np.concatenate([variables[rows], interval, epigraph], axis=1)
                 parts.append(self._part(term, lanes, unknowns, numbers))
                 done += count
             if term.is_sum and not term.term.is_objective:
-                parts.append(Part(program=_bounded_sum(len(tops), term.term.upper), where=tops[None], parameters=none))
+                total = _bounded_sum(len(epigraphs), term.term.upper)
+                parts.append(Part(program=total, where=epigraphs[None], parameters=none))
         return tuple(parts)
 
     def _part(self, term: SmoothTerm, lanes: Lanes, unknowns: np.ndarray, numbers: np.ndarray) -> Part:
-        """Return the rows of a term in lanes, with its own ``unknowns``: epigraph variables, mean interval, top."""
+        """Return the rows of a term in lanes.
+
+        unknowns: indices (lanes, count) of epigraph variables of kinks, mean interval, epigraph variable of the value
+        """
         size, width, end = lanes.where.shape[1], lanes.parameters.shape[1], lanes.where.shape[1] + len(term.units)
-        has_top = unknowns.shape[1] > len(term.units) + term.reads_duration
+        has_epigraph = unknowns.shape[1] > len(term.units) + term.reads_duration
 
         def rows(z: list[Any], p: list[Any]) -> tuple[list[Any], list[Any]]:
             inputs, interval = lanes.inputs(z[:size], p[:width])
@@ -305,8 +316,8 @@ class TermRows:
                 inputs = [*inputs, z[end] * (self.pace * len(self.intervals)) if term.reads_duration else 1.0]
             share = interval * (1 / self.pace) if term.is_sum else 1.0
             values, ties = term.rows(inputs, p[width:], [variable / share for variable in z[size:end]])
-            top, weight = z[-1] if has_top else term.term.upper, interval if term.is_sum else 1.0
-            return [], [*(top - weight * value for value in values), *(share * tie for tie in ties)]
+            upper, weight = z[-1] if has_epigraph else term.term.upper, interval if term.is_sum else 1.0
+            return [], [*(upper - weight * value for value in values), *(share * tie for tie in ties)]
 
         where = np.concatenate([lanes.where, unknowns], axis=1)
         parameters = np.concatenate([lanes.parameters, numbers], axis=1)

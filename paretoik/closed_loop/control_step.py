@@ -26,13 +26,13 @@ class EngineOptions(NamedTuple):
 
     crossover_probability: float = 0.5  # p_c of Marcos et al. 2012, section 5.1
     mutation_probability: float = 0.5  # p_m, ibid.
-    gene_bound: float = 1.0  # genes lie within ±1, ibid.
+    gene_bound: float = 1.0  # largest magnitude of a gene, ibid.
     max_redraws: int = 100  # largest number of redraws of inadmissible chromosomes (no bound in section 5.2)
     bound_tolerance: float = 1e-10  # rad or m: rounding error of a shortened step at its bounds
     shortest_interval: float = 2.0**-8  # share of a step: intervals not proven clear are halved down to this
     interval_batch: int = 64  # number of intervals whose midpoints are evaluated together
     interval_depth: int = 16  # number of batches that fit on the stack of intervals
-    singular_ratio: float = 1e-9  # ratio of a Jacobian's singular values below which no finite step makes every Δx
+    singular_ratio: float = 1e-9  # ratio of a Jacobian's singular values below which the arm counts as singular
 
 
 OPTIONS = EngineOptions()
@@ -85,8 +85,8 @@ class StepState:
         left, sizes, right = np.linalg.svd(jacobian)
         if not sizes[-1] > OPTIONS.singular_ratio * sizes[0]:
             raise Infeasible(
-                f"step {self.sample} ({self.task.times[self.sample]:.3g} s): the Jacobian must have full rank, got a "
-                f"singular arm: its condition number is {sizes[0] / max(sizes[-1], 1e-300):.3g}"
+                f"step {self.sample} ({self.task.times[self.sample]:.3g} s): the Jacobian must have full rank, got the "
+                f"condition number {sizes[0] / max(sizes[-1], 1e-300):.3g}"
             )
         shortest = right[: len(error)].T @ ((left.T @ error) / sizes)
         return shortest, np.ascontiguousarray(right[len(error) :].T)
@@ -106,7 +106,7 @@ class StepState:
         return base + np.linalg.solve(matrix, rhs[..., None])[..., 0] @ null_space.T
 
     def shorten(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, "points dof"]:
-        """Return the joint positions of steps with self-motion reduced until joints are within bounds."""
+        """Return the joint positions of steps whose self-motion is reduced until joints are within bounds."""
         shortest, _ = self.shortest_and_null_space
         self_motion = np.nan_to_num(q - self.previous - shortest)
         outside = (shortest + self_motion < self.lower) | (shortest + self_motion > self.upper)
@@ -186,15 +186,15 @@ def rotation_rows(task: MotionTask) -> Bool[np.ndarray, " rows"]:
 def reach_by_joint(task: MotionTask) -> Float[np.ndarray, " dof"]:
     """Return the largest move [m] of the arm's points per move of each joint by 1 rad or 1 m.
 
-    No point beyond a joint is farther from it than the total length of the links after it. A prismatic joint moves its
-    load by its own move; its largest extension adds to the length beyond the joints before it.
+    No point beyond a joint is farther from it than the total length of the links after it. A prismatic joint moves all
+    points after it by its own move; its largest extension adds to the length after previous joints.
     """
     arm = task.arm
     offsets = [float(np.linalg.norm(place.position)) for place in (*arm.placements[1:], arm.tool)]
-    slides = ~arm.periodic
-    extension = np.where(slides, np.abs(arm.position_limits).max(axis=1), 0.0)
+    prismatic = ~arm.periodic
+    extension = np.where(prismatic, np.abs(arm.position_limits).max(axis=1), 0.0)
     lengths = np.cumsum((offsets + np.append(extension[1:], 0.0))[::-1])[::-1]
-    return np.where(slides, 1.0, lengths)
+    return np.where(prismatic, 1.0, lengths)
 
 
 def excess_clearance(task: MotionTask, q: Float[np.ndarray, "*batch dof"]) -> Float[np.ndarray, "*batch"]:

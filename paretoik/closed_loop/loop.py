@@ -48,7 +48,7 @@ def step_limits(task: MotionTask, longest: float) -> tuple[Float[np.ndarray, "ti
 
 
 def required_standoff(task: MotionTask, longest: float) -> float:
-    """Return the extra distance [m] from obstacles at the end of steps that are clear all the way, else 0."""
+    """Return the extra distance [m] from obstacles at the end of steps that must be clear all the way, else 0."""
     if not np.isfinite(longest):
         return 0.0
     return OPTIONS.shortest_interval * longest * float(reach_by_joint(task).sum())
@@ -64,14 +64,14 @@ def state_before(
 ) -> StepState:
     """Return the state before the step to a sample, after the ``history`` of joint positions."""
     moves, positions = step_limits(task, longest)
-    room = positions[sample if len(positions) > 1 else 0] - history[-1][:, None]
+    slack = positions[sample if len(positions) > 1 else 0] - history[-1][:, None]
     return StepState(
         task=task,
         sample=sample,
         history=history,
         home=home,
-        lower=np.maximum(moves[sample, :, 0], room[:, 0]),
-        upper=np.minimum(moves[sample, :, 1], room[:, 1]),
+        lower=np.maximum(moves[sample, :, 0], slack[:, 0]),
+        upper=np.minimum(moves[sample, :, 1], slack[:, 1]),
         swept=bool(np.isfinite(longest)),
         standoff=required_standoff(task, longest),
     )
@@ -97,13 +97,14 @@ def choose(F: Objectives, weights: Float[np.ndarray, " n_obj"]) -> int:
 def explain_no_step(step: StepState) -> str:
     """Return why no admissible step was found, as text."""
     task = step.task
-    reason = f"step {step.sample} ({task.times[step.sample]:.3g} s): there must be a free configuration, none found"
+    time = task.times[step.sample]
+    reason = f"step {step.sample} ({time:.3g} s): there must be an admissible configuration, got none"
     share, limited = reachable_share(step)
     if share < 1:
         joints = ", ".join(task.arm.joint_names[k] for k in limited)
-        return f"{reason}; joints would have to move at least {1 / share:.3g} times as far as they may: {joints}"
+        return f"{reason}; joints would have to move at least {1 / share:.3g} times as far as allowed: {joints}"
     if not task.obstacles:
-        return f"{reason}, though joints may move far enough; a larger population or longest_step may find one"
+        return f"{reason}, though joints may move far enough; a larger population or longest_step may help"
     distance = float(excess_clearance(task, step.previous))
     return f"{reason}; the arm is {distance:.3g} m from {describe_nearest_obstacle(task, step.previous)}"
 
@@ -111,7 +112,7 @@ def explain_no_step(step: StepState) -> str:
 def reachable_share(step: StepState) -> tuple[float, Int[np.ndarray, " joints"]]:
     """Return the largest share of Δx within joint bounds, by a linear program, and the joints at their bounds.
 
-    Bounds beyond 1000 rad or m are reduced to it. Source of Δx: Eq. 8.
+    Bounds beyond 1000 rad or m are reduced to this. Source of Δx: Eq. 8.
     """
     error, jacobian = step.linearise()
     if not error.any():

@@ -1,6 +1,6 @@
 """Objectives of a control step: the paper's, users', and the library's.
 
-A step objective is a plain NumPy function of a batch of ``Step``; it returns one value a step.
+A step objective is a plain NumPy function of a batch of ``Step``; it returns one value per step.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ else:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """A batch of steps (..., time): the last samples, with the step's end last.
+    """A batch of steps (..., time): the last samples up to each step's end.
 
     motion: positions, rates, torques and the other fields of a ``Motion``
     home: joint positions (dof,) in which the loop began
@@ -111,7 +111,7 @@ def rotation_error(step: Step) -> Numbers:
 def as_step_objective(objective: StepObjective | Objective) -> StepObjective:
     """Return an objective of motions as one of steps.
 
-    It is the integrand, or the series of the peak, at the step's end. Raises InvalidInput for anything else, and for
+    Its value is the integrand, or the peak's series, at the step's end. Raises InvalidInput for anything else, and for
     objectives of a whole motion.
     """
     if isinstance(objective, StepObjective):

@@ -25,7 +25,7 @@ class OpenLoopOptions(NamedTuple):
     crossover_probability: float = 0.5
     mutation_probability: float = 0.5
     largest_angle: float = 2 * np.pi  # rad, either way, for revolute joints without limits
-    largest_extension: float = 1.0  # m, either way, for sliding joints without limits
+    largest_extension: float = 1.0  # m, either way, for prismatic joints without limits
 
 
 OPTIONS = OpenLoopOptions()
@@ -48,7 +48,7 @@ class PostureWorkspace(NamedTuple):
 
 
 def search_start(task: MotionTask, *, seed: int = 0, options: OpenLoopOptions = OPTIONS) -> Float[np.ndarray, " dof"]:
-    """Return joint positions (dof,) at a path's start, by OLGA; raises Infeasible if obstacles are met."""
+    """Return joint positions (dof,) at a path's start, by OLGA; raises Infeasible if none is clear of obstacles."""
     from paretoik.closed_loop.open_loop_kernels import search_posture  # imported here: numba loads slowly
 
     population = options.population
@@ -65,13 +65,13 @@ def search_start(task: MotionTask, *, seed: int = 0, options: OpenLoopOptions = 
     lower, upper = (np.ascontiguousarray(bound) for bound in posture_bounds(task, options).T)
     if search_posture(seed, options, lower, upper, trace_posture(task).arrays, workspace) > 0:
         count = options.population * options.generations
-        raise Infeasible(f"start must be a posture clear of the obstacles, none of {count} had its tool there")
+        raise Infeasible(f"start must be a posture clear of the obstacles, got none of {count} that is clear")
     q: np.ndarray = workspace.parents[:, workspace.order[0]].copy()
     return q
 
 
 def posture_bounds(task: MotionTask, options: OpenLoopOptions = OPTIONS) -> Float[np.ndarray, "dof 2"]:
-    """Return the range of each joint: its limits, or two turns if it has none, as in the paper."""
+    """Return the range of each joint: its limits, or two turns (2 m if prismatic) without, as in the paper."""
     arm = task.arm
     widest = np.where(arm.periodic, options.largest_angle, options.largest_extension)[:, None] * [-1.0, 1.0]
     return np.where(np.isfinite(arm.position_limits), arm.position_limits, widest)

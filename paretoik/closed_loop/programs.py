@@ -36,8 +36,8 @@ def tabulate(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles colu
     for row, each in zip(rows, obstacles, strict=True):
         row[AXES:] = np.eye(3).ravel()
         if isinstance(each, Box):
-            endless = [1e30] * (3 - len(each.half_sizes))  # m: half the size along an axis without end
-            half_sizes = np.append(each.half_sizes, endless)
+            infinite = [1e30] * (3 - len(each.half_sizes))  # m: half the size along an infinite axis
+            half_sizes = np.append(each.half_sizes, infinite)
             row[KIND], row[FIRST : FIRST + 3], row[SECOND : SECOND + 3] = BOX, each.pose.position, half_sizes
             row[AXES:] = each.pose.rotation.T.ravel()
         elif isinstance(each, Capsule):
@@ -72,8 +72,9 @@ ORDERS = HISTORY + 1  # positions, velocities, accelerations, jerks
 class StepPrograms:
     """Evaluators of one arm, task and set of objectives, for every step.
 
-    ``objectives`` takes positions, velocities, accelerations and jerks (dof rows each), then the home joint positions,
-    the target and constants; a single objective is the output twice. Others are as in ``StepConstraints``.
+    The inputs of ``objectives`` are positions, velocities, accelerations and jerks (dof rows each), then the home joint
+    positions, the target and ``constants``. If there is one objective, it is output twice. The other fields are as in
+    ``StepConstraints``.
     """
 
     objectives: Evaluator
@@ -142,13 +143,13 @@ class StepStart(NamedTuple):
 
     previous: np.ndarray  # joint positions (dof,)
     particular: np.ndarray  # the shortest step (dof,) that makes Δx
-    null_space: np.ndarray  # of the Jacobian (dof, redundancy)
+    null_space: np.ndarray  # null space of the Jacobian (dof, redundancy)
     rates: np.ndarray  # velocity, acceleration and jerk (3, dof) before the step
     dt: float  # s: time between steps
 
 
 class ObjectiveProgram(NamedTuple):
-    """The evaluator of the objectives, and the number of orders that they read, 1 for positions only."""
+    """The evaluator of the objectives, and the number of orders of derivatives that they read, 1 for positions only."""
 
     arrays: Any
     orders: int
@@ -160,17 +161,17 @@ class StepConstraints(NamedTuple):
     nodes: Any  # evaluator of the positions of the arm's joints
     obstacles: np.ndarray  # rows of ``tabulate``
     bounding: np.ndarray  # rows of ``tabulate`` for the balls around obstacles
-    required: float  # m
+    required: float  # m: smallest distance of links' axes from obstacles
     reach: np.ndarray  # largest move (dof,) of any point of the arm with each joint
     lower: np.ndarray  # bounds (dof,) of each joint's move, if ``bounded``
     upper: np.ndarray
     bounded: bool
     swept: bool  # whether the whole step must be clear, not only its end
-    standoff: float  # m: distance at its end beyond the required one
+    standoff: float  # m: distance at the end of the step beyond the required one
 
 
 class KeptGenerations(NamedTuple):
-    """Generations of a search from its first: genes (generations, individuals, genes) and objectives.
+    """The first generations of a search: genes (generations, individuals, genes) and objectives.
 
     Objectives (generations, individuals, n_obj) are minimised, inf if a step failed.
     """
@@ -192,7 +193,7 @@ Workspace = namedtuple(
 
 
 def allocate(dof: int, redundancy: int, population: int, objectives: int, inputs: int) -> Workspace:
-    """Return a population and its children, with arrays to evaluate them and to choose among N + N."""
+    """Return arrays of a population and its children, to evaluate them and to select the survivors."""
     N, M, r, size, both = population, objectives, redundancy, redundancy * (dof + 1), 2 * population
     evaluated, index = max(N, OPTIONS.interval_batch), np.int64
     selection = SelectionWorkspace(
@@ -216,9 +217,9 @@ def allocate(dof: int, redundancy: int, population: int, objectives: int, inputs
     )
     return Workspace(
         genes=np.zeros((N, size)),  # one row per individual
-        F=np.zeros((M, both)),  # objectives of the parents by place, then those of the children
-        order=np.zeros(N, index),  # row of each place
-        fitness=np.zeros(N),  # fitness in a tournament, by place
+        F=np.zeros((M, both)),  # objectives of the parents in their order, then those of the children
+        order=np.zeros(N, index),  # rows of the parents in ``genes``, in their order
+        fitness=np.zeros(N),  # fitness of the parents in a tournament, in their order
         children=np.zeros((size, N)),  # genes of the children, in columns
         redrawn=np.zeros((size, N)),  # genes drawn in place of inadmissible children
         redrawn_positions=np.zeros((dof, N)),  # joint positions of these

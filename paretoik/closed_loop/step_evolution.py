@@ -43,7 +43,7 @@ class Generations:
 class StepEvolution:
     """The compiled search of control steps of one arm, task and set of objectives.
 
-    With ``warm_start`` it begins with the population of the step before. Its workspace is for one thread.
+    With ``warm_start`` it begins with the population of the previous step. Its workspace is for one thread.
     """
 
     programs: StepPrograms
@@ -65,7 +65,7 @@ class StepEvolution:
         self._nodes = programs.nodes.arrays
 
     def __call__(self, step: StepState) -> Population:
-        """Search a step, reproducibly by seed and step; raises Infeasible if the arm is singular."""
+        """Search a step; the result depends only on seed and step. Raises Infeasible if the arm is singular."""
         return self._search(step, recorded=0)[0]
 
     def with_generations(self, step: StepState) -> tuple[Population, Generations]:
@@ -83,8 +83,8 @@ class StepEvolution:
         w = self.workspace
         before = w.genes[w.order] if self.warm_start and self._has_searched else None
 
-        def search_anew() -> dict[str, np.ndarray]:
-            """Return genes, those that did not fail first, objectives, and recorded generations."""
+        def run_search() -> dict[str, np.ndarray]:
+            """Return genes (failed individuals last), objectives, and recorded generations."""
             from paretoik.closed_loop.step_search_kernels import search  # imported here: numba loads slowly
 
             rows = np.concatenate([step.home, step.target, self.programs.constants])
@@ -98,8 +98,8 @@ class StepEvolution:
         numbers = self.seed, step.sample, self.generations, len(w.genes), OPTIONS
         inputs = step.history, step.home, step.target, step.lower, step.upper, step.swept, step.standoff
         key = key_of("step", *numbers, *inputs, before, recorded) if is_journalled() else None
-        values = remembered(key, search_anew)
-        w.genes[:], w.order[:] = values["genes"], np.arange(len(w.order))  # the next step may begin with it
+        values = remembered(key, run_search)
+        w.genes[:], w.order[:] = values["genes"], np.arange(len(w.order))  # the next step may begin with these
         self._has_searched = True
         F = values["F"]
         genes = values["genes"][: len(F)]

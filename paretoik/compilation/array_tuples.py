@@ -1,8 +1,8 @@
 """Tuples of arrays that compiled functions get by reference.
 
 By value such a tuple is hundreds of arguments, and functions that take it compile slowly. A reference has the tuple's
-attributes, read-only; tuples within tuples are references too. A reference does not keep the arrays alive. Arrays of
-arguments live until a function returns; other tuples must be kept (``keep``) by the function that makes the reference.
+attributes, read-only; tuples within tuples are references too. A reference does not keep the arrays alive. Arrays of a
+function's arguments live until it returns. For other tuples, the function that makes the reference must call ``keep``.
 """
 
 from __future__ import annotations

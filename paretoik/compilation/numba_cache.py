@@ -8,7 +8,7 @@ is not specialised by literal arguments. The one for Python is compiled at its f
 calls, and cached in the package's folder, else in the user's, else in a temporary one. A function with ``@c_function``
 is linked by its address: its callers do not optimise its code again.
 
-Several classes below inherit from private classes of numba: pyproject.toml has the newest tested version.
+Several classes below inherit from private classes of numba: pyproject.toml names its newest tested version.
 """
 
 from __future__ import annotations
@@ -188,8 +188,8 @@ def compilation_unit(codegen: Any, entry: str = "", *, level: int = 1) -> Iterat
 # Compilation of functions at their first call, and its cache.
 
 
-# numba reads settings from a file in the current folder, among them the folder of its cache, from which code is loaded:
-# the current folder may be a run of unknown origin. Settings from environment variables remain valid.
+# numba would read settings from a file in the current folder, which may be a run of unknown origin. They name the
+# folder of the cache, from which code is loaded. Settings from environment variables remain valid.
 config._config_fname = ""
 config.reload_config()
 
@@ -217,7 +217,7 @@ def compiled(function: Any = None, *, what: str = "", seconds: float | None = No
 
 
 def c_function(signature: Any, *, what: str = "", seconds: float | None = None) -> Callable[[Any], Any]:
-    """Return a function as an external one for compiled callers; it is compiled now, or loaded from the cache.
+    """Return a function that compiled callers call as an external one; it is compiled now, or loaded from the cache.
 
     ``signature`` may have only numbers and pointers.
     """
@@ -330,7 +330,7 @@ class _Cache(FunctionCache):
     def _load(self, sig: Any, target_context: Any) -> Any:
         try:
             return super().load_overload(sig, target_context)
-        except (ImportError, AttributeError, EOFError, pickle.UnpicklingError):  # cut off, or of a former class
+        except (ImportError, AttributeError, EOFError, pickle.UnpicklingError):  # the file is cut off or outdated
             self.flush()
             return None
 

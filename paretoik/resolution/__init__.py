@@ -1,4 +1,4 @@
-"""Local resolution of one motion: projection, quadratic program, prediction, Nedungadi."""
+"""Local resolution of one motion: projection, quadratic program, prediction, Nedungadi's method."""
 
 import lazy_loader
 

@@ -41,12 +41,12 @@ from paretoik.task.retraction import row_scales
 #
 #     minimise    ½ ‖J q̇ − v‖² + ½ ρ² (q̇ − z)ᵀ W (q̇ − z)
 #
-# With q̇ = free + W^(−½) N x about the solution without limits, both are: minimise ½ xᵀPx subject to Gx ≤ h. P = I
-# along the null space N of J W^(−½), or P = I + W^(−½) Jᵀ J W^(−½) / ρ² and N = I. The convex subproblem of the SQP
-# solves it if a limit is active.
+# With q̇ = free + W^(−½) N x, where ``free`` is the solution without limits, both are: minimise ½ xᵀPx subject to
+# Gx ≤ h. In the first, N is the null space of J W^(−½) and P = I; in the second, N = I and
+# P = I + W^(−½) Jᵀ J W^(−½) / ρ². If a limit is active, the convex subproblem of the SQP solves it.
 #
-# Source: Cheng, Chen & Sun 1994, Resolving Manipulator Redundancy under Inequality Constraints; of the distances
-# Faverjon & Tournassoud 1987.
+# Source: Cheng, Chen & Sun 1994, Resolving Manipulator Redundancy under Inequality Constraints; Faverjon & Tournassoud
+# 1987 for distances.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class StepOptions:
     tolerance: float = 1e-9  # share of the largest rate or bound: a smaller excess is accepted
     singular: float = 1e-13  # share of the largest singular value: the Jacobian counts as singular
     least_damping: float = 1e-4  # share of the largest singular value, if an undamped task is relaxed
-    penalty: float = 1e6  # weight of the excess rates of shrinking distances; rates are relative to the largest
+    penalty: float = 1e6  # weight of the rates, relative to the largest, at which distances shrink too fast
 
 
 OPTIONS = StepOptions()
@@ -83,7 +83,7 @@ class StepLimits:
     lowest_rates: Float[np.ndarray, " distances"]
 
     def slack(self, rates: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " limits"]:
-        """Return the slack at rates, negative if violated, of distances, lower bounds, and upper bounds."""
+        """Return the slacks of distances, lower bounds and upper bounds at rates; negative if violated."""
         return np.concatenate(
             [self.gradients @ rates - self.lowest_rates, rates - self.bounds[:, 0], self.bounds[:, 1] - rates]
         )
@@ -91,7 +91,7 @@ class StepLimits:
     def keep(self, rates: Float[np.ndarray, " dof"], free: Float[np.ndarray, " dof"]) -> bool:
         """Return whether rates satisfy all limits within the tolerance.
 
-        It is a share of the rates without limits, or of the bounds if these are smaller.
+        The tolerance is relative to the rates without limits, or to the bounds if these are smaller.
         """
         size = min(float(np.abs(free).max()), float(np.abs(self.bounds).max()))
         return bool(self.slack(rates).min() >= -OPTIONS.tolerance * size)
@@ -99,7 +99,7 @@ class StepLimits:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LimitedStep:
-    """A step's rates with and without limits, projector onto the null space, damping ρ, and index of STATUS."""
+    """A step's rates with and without limits, projector onto the null space, damping ρ, and index into STATUS."""
 
     rates: Float[np.ndarray, " dof"]
     free: Float[np.ndarray, " dof"]
@@ -192,7 +192,7 @@ KINDS = "acceleration", "step", "velocity", "position"  # kinds of limits on a j
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RateLimits:
-    """Limits (steps, dof, 2), ∓inf without, at the sample after every step; ``steps`` are durations [s]."""
+    """Limits (steps, dof, 2) at the sample after every step, ∓inf if there are none; ``steps`` are durations [s]."""
 
     position: Float[np.ndarray, "steps dof 2"]
     velocity: Float[np.ndarray, "steps dof 2"]
@@ -238,9 +238,9 @@ class RateLimits:
         return highest_rate(slack[..., None, None], braking[..., None], steps)[..., 0]
 
     def _braking(self, k: int, side: int) -> Float[np.ndarray, "later dof"]:
-        """Return the possible decreases of rates towards a side in step k, 0, and in later steps.
+        """Return the possible decelerations towards a side: 0 in step k, then those in later steps.
 
-        If no acceleration is limited, there is only one step, because rates can then become 0 at once.
+        If no acceleration is limited, there is only step k, because rates can then become 0 at once.
         """
         opposite = self.acceleration[k:, :, 1 - side] * (1.0 if side == 0 else -1.0)
         later = opposite if np.isfinite(opposite).any() else opposite[:1]
@@ -252,16 +252,16 @@ def highest_rate(
     braking: Float[np.ndarray, "*#batch later columns"],
     steps: Float[np.ndarray, " later"],
 ) -> Float[np.ndarray, "*batch columns"]:
-    """Return the highest rate that exceeds a ``slack`` neither at the end of this step nor of a later one.
+    """Return the highest rate whose moves are within ``slack`` at the end of this step and of every later one.
 
-    ``braking`` is the possible deceleration in these steps, 0 in the first.
+    braking: possible deceleration in these steps, 0 in the first
     """
     drop = np.cumsum(braking * steps[:, None], axis=-2)
     return np.asarray(((slack + np.cumsum(drop * steps[:, None], axis=-2)) / np.cumsum(steps)[:, None]).min(axis=-2))
 
 
 def intersection(bounds: Float[np.ndarray, "kinds *batch dof 2"]) -> Float[np.ndarray, "*batch dof 2"]:
-    """Return the interval within the bounds of all kinds, of the first kinds if they contradict each other."""
+    """Return the interval within the bounds of all kinds; if they contradict each other, the first kinds prevail."""
     lower, upper = bounds[0, ..., 0], bounds[0, ..., 1]
     for each in bounds[1:]:
         lower, upper = np.clip(each[..., 0], lower, upper), np.clip(each[..., 1], lower, upper)
@@ -309,7 +309,7 @@ def follow_constrained(
     *,
     exact: bool,
 ) -> None:
-    """Fill the traces, and the positions after the first one.
+    """Write the traces, and the positions after the first sample.
 
     settings: feedback, region and damping of each motion
     exact: whether a step is computed again about its own end
@@ -356,7 +356,7 @@ class _Stepper:
         self.limits = RateLimits.of(task)
 
     def linearise(self, k: int, q: Float[np.ndarray, " dof"], dq: Float[np.ndarray, " dof"]) -> _Linearisation:
-        """Return the task of sample k, criteria and distances at a posture, after rates dq."""
+        """Return errors and derivatives at sample k, in a posture with previous rates dq."""
         n, rows, count = len(q), self.task.rows, self.program.distances
         inputs = np.concatenate([q, dq, np.zeros(2 * n), self.program.table[k]])
         outputs = self.program.program(inputs[:, None])[:, 0]
@@ -406,7 +406,7 @@ class _Stepper:
             rest = goal.task_rates - goal.jacobian @ step.rates
             active = reached(step.rates + np.linalg.lstsq(goal.jacobian, rest, rcond=None)[0])
         broken = np.stack([bounds[..., 0] - interval[:, 1], interval[:, 0] - bounds[..., 1]], axis=-1) > rounding
-        if broken.any():  # limits broken by more important ones: accelerations or velocities
+        if broken.any():  # limits that are exceeded to satisfy more important ones
             step = replace(step, status=LIMITED)
             kinds = broken.transpose(1, 0, 2).reshape(len(q), -1)
             active[:-1] = np.where(kinds.any(axis=1), 1 + kinds.argmax(axis=1), active[:-1])

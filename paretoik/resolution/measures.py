@@ -1,4 +1,4 @@
-"""Objectives of resolved motions only: they depend on the method's steps."""
+"""Objectives of resolved motions; some depend on the method's steps."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def tracking_error(motion: Motion) -> np.ndarray:
 
 @objective(unit="", form="general", maximise=True)
 def limit_margin(motion: Motion) -> np.ndarray:
-    """Smallest distance from position limits, as share of range; negative past one, 0 if unlimited; maximised."""
+    """Smallest distance from position limits, as a share of the range; negative beyond them, 0 without; maximised."""
     lower, upper = motion.arm.position_limits.T
     span = position_ranges(motion.arm, motion.arm.position_limits)
     limited = np.isfinite(span)
@@ -52,7 +52,7 @@ def evaluations(motion: Motion) -> np.ndarray:
     """
     count = getattr(_resolved("evaluations", motion).traces, "evaluations", None)
     if count is None:
-        raise InvalidInput("evaluations: method must look ahead, as PredictiveKineticEnergy does, got another")
+        raise InvalidInput("evaluations: method must look ahead, got one that does not; use PredictiveKineticEnergy")
     return np.asarray(count)
 
 
@@ -63,9 +63,7 @@ def duration(motion: Motion) -> np.ndarray:
 
 
 def distance_to(reference: Motion) -> Objective:
-    """Return the objective ``distance``: the joint distance from a motion.
-
-    It is RMS over time, with angles modulo 2π.
+    """Return the objective ``distance``: the joint distance from a motion, RMS over time, with angles modulo 2π.
 
     reference: one motion
 
@@ -89,5 +87,5 @@ def distance_to(reference: Motion) -> Objective:
 
 def _resolved(name: str, motion: Motion) -> ResolvedMotion:
     if not isinstance(motion, ResolvedMotion):
-        raise InvalidInput(f"{name}: motion must be one that resolve returns, got another Motion")
+        raise InvalidInput(f"{name}: motion must be a result of pk.resolve, got a {type(motion).__name__}")
     return motion

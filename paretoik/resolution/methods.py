@@ -60,7 +60,7 @@ def __dir__() -> list[str]:
     return __all__
 
 
-SETTINGS = "region", "damping", "buffer", "repulsion", "band"  # columns after the feedback, 0 for methods without them
+SETTINGS = "region", "damping", "buffer", "repulsion", "band"  # columns after the feedback; 0 if a method has none
 Variant = Literal["paper", "consistent"]
 
 
@@ -120,8 +120,8 @@ class VelocityMethod(Method):
     ) -> tuple[tuple[int, ...], np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
         """Return the batch's shape, settings, gains and ranks of criteria, postures, and empty traces.
 
-        Settings are the feedback and ``SETTINGS`` of each motion; ranks begin at 0. Raises InvalidInput if numbers do
-        not fit each other.
+        Settings are the feedback and ``SETTINGS`` of each motion; ranks begin at 0. Raises InvalidInput if parameters
+        do not broadcast.
         """
         name, highest = type(self).__name__, 1.0 / float(np.diff(task.times).max())
         criteria, dof = self.criterion_list, task.arm.dof
@@ -182,9 +182,9 @@ class DampedLeastSquares(VelocityMethod):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WeightedLeastNorm(DampedLeastSquares):
-    """Joints move slowly towards near position limits, and freely away from them.
+    """Joints are slowed down if they approach a near position limit, and move freely away from it.
 
-    A joint at or past its limit stays there, as there is no repulsion. Source: Chan & Dubey 1995; Wan et al. 2018,
+    A joint at its limit or beyond stays there, as there is no repulsion. Source: Chan & Dubey 1995; Wan et al. 2018,
     Eqs. 10, 11 and 14.
     """
 
@@ -197,9 +197,9 @@ class GradientProjection(DampedLeastSquares):
 
     criteria: one or more criteria, or objectives, which are criteria of gain 1
 
-    A criterion that depends on positions is differentiated by positions, at the last velocities; a criterion of only
-    velocities is differentiated by velocities. Raises InvalidInput for other objects, equal names, and numbers out of
-    range. Source: Liégeois 1977; Wan et al. 2018, Eqs. 12 and 13.
+    A criterion that depends on positions is differentiated with respect to these, at the last velocities; a criterion
+    of only velocities is differentiated with respect to velocities. Raises InvalidInput for other objects, equal names,
+    and numbers out of range. Source: Liégeois 1977; Wan et al. 2018, Eqs. 12 and 13.
     """
 
     criteria: Iterable[Criterion | Objective] | Criterion | Objective = ()
@@ -283,9 +283,7 @@ class WeightedGradientProjection(GradientProjection):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ConstrainedQP(GradientProjection):
-    """The step within limits nearest to gradient projection.
-
-    It is the solution of a quadratic program of joint rates.
+    """The step within limits that is nearest to that of gradient projection, by a quadratic program of joint rates.
 
     joint_weights: weights W (dof,) of the rates, None for 1; a step minimises ½ (q̇ − z)ᵀ W (q̇ − z), z the criteria's
         rates
@@ -335,9 +333,9 @@ class Nedungadi(Method):
 
     tolerance: tolerance of every integration step, a number or an array (*batch,)
 
-    It begins with the velocities of least kinetic energy, and no torque drives the self-motion. It is integrated with
-    adaptive steps, not with those of the samples. Source: Nedungadi & Kazerounian 1989; Tringali & Cocuzza 2020, Eq.
-    20, with corrected sign. Raises InvalidInput for a tolerance that is not positive.
+    The motion begins with the velocities of least kinetic energy, and no torque drives the self-motion. It is
+    integrated with adaptive steps, not with those of the samples. Source: Nedungadi & Kazerounian 1989; Tringali &
+    Cocuzza 2020, Eq. 20, with corrected sign. Raises InvalidInput for a tolerance that is not positive.
     """
 
     tolerance: Number = field(default=1e-8, metadata={"search": (1e-12, 1e-3), "scale": "log"})
@@ -351,7 +349,7 @@ class Nedungadi(Method):
     ) -> ResolvedMotion:
         """Return the motions from ``start``, stopped before a singularity; ``tolerance`` has no effect.
 
-        In the traces the task's part of the velocities is the shortest one, the rest is ``projected``.
+        In the traces, ``projected`` is the difference of the velocities from the least-norm solution of the task.
         """
         from paretoik.resolution.variational import extremal_paths  # here: slow to load
 

@@ -74,8 +74,8 @@ class HorizonProgram:
     terminal: additional weight of the last sample
     derivatives: evaluator of the objective, its gradient, the path's equations and their Jacobian by samples; the
         inputs are positions ahead, posture, velocity, targets, terminal weight and interval
-    hessian: evaluator of the entries of the Lagrangian's Hessian at ``indices`` (rows, columns), with multipliers as
-        more inputs
+    hessian: evaluator of the entries of the Lagrangian's Hessian at ``indices`` (rows, columns); multipliers are
+        further inputs
     """
 
     horizon: int
@@ -118,7 +118,9 @@ class HorizonProgram:
 def horizon_program(
     task: MotionTask, objective: Objective, horizon: int, interval: float, terminal: float = 0.0
 ) -> HorizonProgram:
-    """Return the program of an objective over samples ahead, the last with ``terminal`` more weight.
+    """Return the program of an objective over samples ahead.
+
+    terminal: additional weight of the last sample
 
     Raises InvalidInput, naming the objective, if it depends on more than one sample's positions, velocities and
     accelerations, or on none of them.
@@ -126,7 +128,7 @@ def horizon_program(
     return replace(_trace_program(task, objective, horizon), interval=interval, terminal=terminal)
 
 
-@lru_cache(maxsize=64)  # a search over a method's numbers uses the same few programs repeatedly
+@lru_cache(maxsize=64)  # a search over a method's parameters uses the same few programs repeatedly
 def _trace_program(task: MotionTask, objective: Objective, horizon: int) -> HorizonProgram:
     n, label = task.arm.dof, f"objective {objective.name}"
     if objective.form != "integral":
@@ -148,7 +150,7 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int) -> Hori
         motion = TracedMotion(task, trace, q, dq, ddq, jerk, float(np.ptp(task.times)))
         value = trace_sample_function(motion, label, objective.function)
         if value is None:
-            raise InvalidInput(f"{label}: looks at more than one sample")
+            raise InvalidInput(f"{label} must depend on one sample only, got one that reads more")
         term = Expression(tape, as_entry(tape, value)) * objective.sign * interval.entries[0]
         total = as_entry(tape, Expression(tape, total) + term)
         positions = list(q.entries)
@@ -161,7 +163,7 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int) -> Hori
             f"{label} must read one sample's positions, velocities and accelerations only, got one that reads more"
         )
     if not read & set(variables):
-        raise InvalidInput(f"{label}: is the same whatever {task.arm.name} does; has it no masses?")
+        raise InvalidInput(f"{label} must depend on the motion, got a constant; has {task.arm.name} no masses?")
     lagrangian = Expression(tape, total)
     for factor, equation in zip([one for each in multipliers for one in each.entries], equations, strict=True):
         lagrangian = lagrangian + factor * Expression(tape, equation)
@@ -182,9 +184,9 @@ def quartic_spline(
 ) -> Float[np.ndarray, "pieces 5 dof"]:
     """Return the coefficients of a C² quartic spline through points one unit of time apart.
 
-    Its derivatives are ``rate`` and ``second`` at the first point, and 0 at the last; only the first is 0 there if the
-    spline has one piece. These conditions determine two pieces, as in the paper; with more pieces, the jerk is
-    minimised.
+    Its derivatives are ``rate`` and ``second`` at the first point, and 0 at the last; if there is only one piece, the
+    second derivative at the last point is free. These conditions determine two pieces, as in the paper; with more
+    pieces, the jerk is minimised.
     """
     pieces, dof = len(points) - 1, points.shape[1]
     conditions = np.concatenate([points[:-1], points[1:], rate[None], second[None]])
@@ -201,7 +203,7 @@ def spline_position(coefficients: Float[np.ndarray, "pieces 5 dof"], time: float
 
 @lru_cache(maxsize=32)
 def _coefficient_matrix(pieces: int) -> np.ndarray:
-    """Return the matrix from the positions of pieces' ends and first derivatives to coefficients."""
+    """Return the matrix from positions of pieces' ends and derivatives at the first point to coefficients."""
     width, powers = DEGREE + 1, np.arange(DEGREE + 1)
 
     def derivative(order: int, u: float) -> np.ndarray:
@@ -227,14 +229,12 @@ def _coefficient_matrix(pieces: int) -> np.ndarray:
     return np.linalg.inv(kkt)[:size, size : size + inhomogeneous]
 
 
-# The predictive method and its numbers.
+# The predictive method and its parameters.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PredictiveKineticEnergy(Method):
-    """Minimisation of kinetic energy over a few samples ahead.
-
-    It takes place in the null space of the task.
+    """Minimisation of an objective, by default kinetic energy, over a few samples ahead, in the task's null space.
 
     objective: integral objective of positions, velocities and accelerations, such as the torque norm
     horizon: number h of samples ahead
@@ -273,7 +273,8 @@ class PredictiveKineticEnergy(Method):
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the parameters tuned by default; raises InvalidInput for fewer than three samples.
 
-        ``prediction_time`` [s] is the horizon times the prediction step, ``update_share`` the update interval over it.
+        ``prediction_time`` [s] is the horizon times the prediction step; ``update_share`` is the update interval as a
+        share of it.
         """
         if len(times) < 3:
             raise InvalidInput(f"path must have at least 3 samples, got {len(times)}")
@@ -323,7 +324,7 @@ class PredictiveTraces(Traces):
     predictions: positions ahead (updates, horizon, dof) [rad, m]
     values: minimised objective over the horizon, the last sample with its terminal weight
     converged: whether the prediction is a minimum on the path
-    iterations, seconds: effort of each update, including the spline
+    iterations, seconds: iterations and computing time of each update, including the spline
     """
 
     updates: Int[np.ndarray, "*batch updates"]
@@ -474,7 +475,7 @@ class Predictor:
     def next_position(self, k: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, *, is_off_path: bool) -> np.ndarray:
         """Return the desired positions at the sample after k, from a new prediction if the update interval is over.
 
-        They are those at k if the arm is off the path, or if the prediction does not reach the sample.
+        If the arm is off the path, or the prediction does not reach the sample, they are the positions at k.
         """
         if is_off_path:
             self._spline = self._spline[:0]
@@ -510,7 +511,7 @@ class Predictor:
         return spline_position(self._spline, t) if t <= len(self._spline) else q
 
     def _initial_guess(self, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
-        """Return positions along the path, each nearest to the position before."""
+        """Return positions along the path, each nearest to the previous one."""
         guess, current = np.empty((len(targets), len(q))), q
         for j, target in enumerate(targets):
             result = retract_nearest(self.task.arm, self.task.tasks, current, target)

@@ -1,4 +1,4 @@
-"""Protocol of methods: parameters, their search ranges, and the following of a path."""
+"""Protocol of methods: parameters, their search ranges, and motions along a path."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class StepProgram:
     effect. The outputs are
 
     - the task errors, the travel of the target in the same coordinates, and the Jacobian by rows
-    - value and gradient of every criterion, by positions, or by velocities if it depends only on velocities
-    - if requested, value and gradient by positions of every distance of a moving link from an obstacle
+    - value and gradient of every criterion, with respect to positions, or to velocities if it depends only on these
+    - if requested, distance of every moving link from every obstacle, and its gradient with respect to positions
     """
 
     program: Evaluator
@@ -44,7 +44,7 @@ class StepProgram:
     distances: int
 
 
-@lru_cache(maxsize=64)  # a search over a method's numbers uses the same program in every generation
+@lru_cache(maxsize=64)  # a search over a method's parameters uses the same program in every generation
 def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_distances: bool = False) -> StepProgram:
     """Return the program of one step of a task, ``with_distances`` from obstacles if requested.
 
@@ -67,7 +67,7 @@ def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_dist
         label = f"criterion {criterion.name}"
         value = trace_sample_function(motion, label, criterion.function)
         if value is None:
-            raise InvalidInput(f"{label}: looks at more than one sample")
+            raise InvalidInput(f"{label} must depend on one sample only, got one that reads more")
         result = as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0)
         read = {order for order, part in enumerate(inputs) if set(part) & set(dependencies(tape, [result]))}
         if read & {2, 3} or not read:
@@ -178,7 +178,7 @@ def empty_traces(count: int, time: int, dof: int, rows: int, criteria: int) -> d
     }
 
 
-# Methods and their numbers: values, ranges, and the scales on which they are searched.
+# Methods and their parameters: values, ranges, and the scales on which they are searched.
 
 
 Number: TypeAlias = float | np.ndarray
@@ -187,12 +187,12 @@ Scale = Literal["linear", "log", "integer"]
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number that is searched between bounds.
+    """A parameter of a method that is tuned between bounds.
 
-    name: name of the number
+    name: name of the parameter
     lower, upper: bounds
     scale: "linear", "log" to search its decimal logarithm, or "integer" for whole numbers
-    fields: fields of the method that the number sets, by default the field of the same name
+    fields: fields of the method that the parameter sets, by default the field of the same name
 
     Raises InvalidInput for invalid bounds.
     """
@@ -223,7 +223,7 @@ class Parameter:
         """Lower and upper bound of the gene."""
         if self.scale == "log":
             return float(np.log10(self.lower)), float(np.log10(self.upper))
-        margin = 1 - 1e-9 if self.scale == "integer" else 0.0  # so that the upper bound can be reached by rounding down
+        margin = 1 - 1e-9 if self.scale == "integer" else 0.0  # genes are rounded down to values up to the upper bound
         return float(self.lower), float(self.upper) + margin
 
     def decode(self, genes: Float[np.ndarray, " points"]) -> Shaped[np.ndarray, " points"]:
@@ -236,11 +236,16 @@ class Parameter:
 def number(
     *, below: float = np.inf, search: tuple[float, float] | None = None, scale: Scale = "linear"
 ) -> dict[str, Any]:
-    """Return the metadata of a field from 0 to less than ``below``, searched in ``search`` by default."""
+    """Return the metadata of a field.
+
+    below: the field's values are from 0 to less than this
+    search: default range in which the field is tuned, None if it is not tuned by default
+    scale: scale of the search
+    """
     return {"below": below, "search": search, "scale": scale}
 
 
-TRACKING_TOLERANCE = 0.01  # m or rad: a motion farther off its path has lost the path
+TRACKING_TOLERANCE = 0.01  # m or rad: largest distance from the path at which a motion follows it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -320,7 +325,7 @@ class Method:
             if name not in names:
                 hint = likely_spelling(name, names)
                 wish = f"must be one of {', '.join(names)}"
-                raise InvalidInput(f"{type(self).__name__}: number {wish}, got {shown(name)}{hint}")
+                raise InvalidInput(f"{type(self).__name__}: parameter {wish}, got {shown(name)}{hint}")
         return replace(self, **values)
 
     def follow(
@@ -328,8 +333,9 @@ class Method:
     ) -> ResolvedMotion:
         """Return the motions from ``start``, broadcast with the method's parameters.
 
-        ``tolerance`` [m, rad] is the distance from the path above which nothing is predicted, None for 0.01. Raises
-        InvalidInput for invalid starts and parameters.
+        tolerance: distance from the path [m, rad] above which nothing is predicted, None for 0.01
+
+        Raises InvalidInput for invalid starts and parameters.
         """
         raise InvalidInput(f"method must be one of pk.methods, such as PseudoInverse(), got {shown(self)}")
 

@@ -82,19 +82,19 @@ def resolution_of(
     )
     starts = _starts(task, start, seed)
     if isinstance(method, ConstrainedQP):
-        # refuse limits that rates cannot satisfy, and starts past limits
+        # refuse limits that rates cannot satisfy, and starts beyond limits
         first = starts.reshape(-1, arm.dof)[: None if unreachable == "refuse" else 0]
         for kind in ("torque", "power"):
             if getattr(limits, kind, None) is not None:
-                kept = "position, velocity, acceleration and clearance"
-                raise InvalidInput(f"limits: ConstrainedQP keeps {kept}, got {kind}")
+                wish = "must be on position, velocity, acceleration and clearance"
+                raise InvalidInput(f"limits of ConstrainedQP {wish}, got {kind}")
         lower, upper = task.bounds.get("position", task.arm.position_limits[None])[0].T
         excess = np.maximum(first - upper, lower - first).max(axis=0, initial=-np.inf)
         if (excess > LIMIT_TOLERANCE).any():
             joint = int(excess.argmax())
             raise InvalidInput(
                 "start: joints must be within their position limits for ConstrainedQP, got "
-                f'{task.arm.joint_names[joint]} {excess[joint]:.3g} past one; unreachable="track" brings it back'
+                f'{task.arm.joint_names[joint]} {excess[joint]:.3g} beyond; unreachable="track" brings it back'
             )
         if task.obstacles and first.size:
             smallest = float(clearance(task.obstacles, link_nodes(task.arm, first), task.link_radius).min())
@@ -160,7 +160,7 @@ def resolve(resolution: Resolution) -> ResolvedMotion:
         cause += f": {active}" if active else ""
     raise Infeasible(
         f"resolve: {name}{cause} at sample {sample} ({task.times[sample]:.3g} s), where the Jacobian's condition "
-        f'number is {np.linalg.cond(jacobian):.3g}; unreachable="track" follows it as well as possible',
+        f'number is {np.linalg.cond(jacobian):.3g}; unreachable="track" follows the path as well as possible',
         motion=motion,
         limit=active,
     )

@@ -106,7 +106,7 @@ class EquationOfMotion:
 
 
 def equation_of_motion(task: MotionTask) -> EquationOfMotion:
-    """Return a task's equation of motion; raises InvalidInput for a cyclic task, and massless joints."""
+    """Return a task's equation of motion; raises InvalidInput for a cyclic task, and joints that move no mass."""
     if task.cyclic:
         raise InvalidInput("variational: motion must be open, got a cyclic one")
     inertia = dynamics.inertia_matrix(task.arm, np.full((1, task.arm.dof), 0.5))[0]
@@ -176,7 +176,7 @@ def check_tolerance(tolerance: float | np.ndarray) -> None:
     lowest, highest = 1e-13, 1e-3  # below 1e-13 rounding is larger, above 1e-3 motions leave the path
     for value in np.ravel(tolerance):
         if not lowest <= value <= highest:
-            raise InvalidInput(f"variational: tolerance must be {lowest:g} to {highest:g}, got {value:g}")
+            raise InvalidInput(f"variational: tolerance must be from {lowest:g} to {highest:g}, got {value:g}")
 
 
 def starts_on_path(task: MotionTask, start: np.ndarray | None) -> np.ndarray:
@@ -219,9 +219,9 @@ def integrate(
     times: Float[np.ndarray, " time"],
     tolerance: float | Float[np.ndarray, " motions"],
 ) -> Float[np.ndarray, "motions time state"]:
-    """Return states at ``times``, NaN from the first that a motion does not reach.
+    """Return states at ``times``, NaN from the first time that a motion does not reach.
 
-    ``tolerance`` is that of every step, for positions and velocities, relative if these are larger than 1.
+    tolerance: error of positions and velocities in every step, relative if these are larger than 1
     """
     states = np.full((len(start), len(times), start.shape[1]), np.nan)
     duration = times[-1] - times[0]
@@ -256,7 +256,7 @@ def integrate(
 
 
 def _combine(weights: np.ndarray, stages: list[np.ndarray]) -> np.ndarray:
-    """Return Σ weights · stages, term by term: a matrix product would round with the number of motions."""
+    """Return Σ weights · stages, term by term: the rounding of a matrix product depends on their number."""
     total = weights[0] * stages[0]
     for weight, stage in zip(weights[1 : len(stages)], stages[1:], strict=True):
         total += weight * stage

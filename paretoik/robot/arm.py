@@ -135,8 +135,8 @@ class Arm(SerialChain):
     ) -> Arm:
         """Return an arm from Denavit–Hartenberg parameters, one value per joint.
 
-        a, d: lengths (dof,) [m]; ``d`` of a prismatic joint is an offset that its coordinate is added to
-        alpha, theta: angles (dof,) [rad]; ``theta`` of a rotational joint is an offset that its coordinate is added to
+        a, d: lengths (dof,) [m]; ``d`` of a prismatic joint is the offset of its position
+        alpha, theta: angles (dof,) [rad]; ``theta`` of a rotational joint is the offset of its position
         convention: "modified" (Craig: row i has a and alpha of link i − 1, link frames are on their own joint) or
             "standard" (link frames are on the next joint, the last one is the tool)
         types: joint types, None for revolute
@@ -144,8 +144,8 @@ class Arm(SerialChain):
         masses: mass of each link [kg]
         centers: centres of gravity (dof, 3) [m], in the link frames of the convention
         inertias: inertias (dof, 3, 3) about those centres [kg m²], in the same frames
-        position_limits: None for none, a tuple (lower, upper), or a symmetric number or array
-        velocity_limits, torque_limits: symmetric numbers or arrays (dof,), None for none
+        position_limits: None for no limits, a tuple (lower, upper), or a symmetric number or array
+        velocity_limits, torque_limits: symmetric numbers or arrays (dof,), None for no limits
 
         Gravity is (0, 0, −9.81). Raises InvalidInput if the table is not rectangular or an entry is not finite.
         """
@@ -290,7 +290,7 @@ class Arm(SerialChain):
 
 
 def check_arm(name: str, arm: object) -> None:
-    """Raise InvalidInput, by ``name``, unless this is an Arm."""
+    """Raise InvalidInput, with ``name``, unless ``arm`` is an Arm."""
     check_instance(name, arm, Arm, "an Arm", example="pk.arms.tringali_3r() or Arm.from_urdf(...)")
 
 
@@ -302,7 +302,7 @@ def _joint_placements(
 ) -> tuple[tuple[Pose, ...], tuple[Pose, ...], Pose]:
     """Return the placements of joints, of link frames, and of the tool.
 
-    A joint is placed on the joint before, a link frame on its joint, the tool on the last joint.
+    A joint's placement is relative to the previous joint, a link frame's to its joint, the tool's to the last joint.
 
     a, d: lengths [m], one per joint
     alpha, theta: angles [rad], one per joint

@@ -26,7 +26,7 @@ OTHER_NAMES = ("tool", "base")  # names of the same frames, unless a joint or li
 
 
 def limit_rows(name: str, limits: object, count: int) -> Float[np.ndarray, "dof 2"]:
-    """Return limits as rows (count, 2); a tuple is (lower, upper), None unlimited, others symmetric."""
+    """Return limits as rows (count, 2); a tuple is (lower, upper), None is unlimited, other values are symmetric."""
     if limits is None:
         return np.tile([-np.inf, np.inf], (count, 1))
     if isinstance(limits, tuple) and len(limits) == 2:
@@ -62,7 +62,7 @@ def symmetric_limits(name: str, limits: object, count: int) -> Float[np.ndarray,
 
 
 def joint_tuple(names: object, count: int) -> tuple[str, ...]:
-    """Return ``count`` different names of joints. Raises InvalidInput for names of frames too."""
+    """Return ``count`` different names of joints; raises InvalidInput for others and for the arm's own frames."""
     joints = read_list("joint_names", names, str, "a list of names")
     if len(joints) != count or len(set(joints)) != count:
         raise InvalidInput(f"joint_names must be {count} different names, got {shown(names)}")
@@ -75,7 +75,7 @@ def joint_tuple(names: object, count: int) -> tuple[str, ...]:
 
 
 def type_tuple(types: object, count: int) -> tuple[JointType, ...]:
-    """Return types of joints; None means revolute. Raises InvalidInput unless ``count`` are known."""
+    """Return ``count`` types of joints; None means revolute. Raises InvalidInput for others."""
     if types is None:
         return tuple[JointType, ...](["revolute"] * count)
     kinds = read_list("types", types, str, "a list of types of joints")
@@ -87,15 +87,18 @@ def type_tuple(types: object, count: int) -> tuple[JointType, ...]:
 
 
 def number_array(name: str, values: object, count: int | None, *, positive: bool = False) -> np.ndarray:
-    """Return finite numbers (count,), one per joint, any number but 0 if None. Raises InvalidInput."""
+    """Return finite numbers, one per joint; raises InvalidInput for others.
+
+    count: number of joints, None for any number from 1 to 1000
+    """
     array = real_array(name, values)
-    if count is None and array.ndim == 1 and array.size > 1000:  # a mistake, and their Jacobians fill the memory
-        raise InvalidInput(f"{name} must be for at most 1000 joints, got {array.size}")
+    if count is None and array.ndim == 1 and array.size > 1000:  # a mistake; Jacobians would fill the memory
+        raise InvalidInput(f"{name} must be at most 1000 values, one per joint, got {array.size}")
     if array.ndim != 1 or (count is not None and len(array) != count) or not np.all(np.isfinite(array)):
         wish = "a list of finite numbers" if count is None else f"{count} finite numbers, one per joint"
         raise InvalidInput(f"{name} must be {wish}, got {shown(values)}")
     if len(array) == 0:
-        raise InvalidInput(f"{name} must have a value for at least one moving joint, got none")
+        raise InvalidInput(f"{name} must be at least one value, one per joint, got none")
     if positive and np.any(array <= 0):
         raise InvalidInput(f"{name} must be positive numbers, got {shown(values)}")
     check_magnitude(name, array, "", positive=positive)
@@ -116,7 +119,7 @@ def body_tuple(masses: object, centers: object, inertias: object, count: int) ->
 
 
 def planar_bodies(masses: object, centers: object, inertias: object, count: int) -> tuple[Body, ...]:
-    """Return one body per link of a planar arm: centre on the x axis, inertia about z, None for 0."""
+    """Return one body per link of a planar arm: centre on the x axis, inertia about z. None means 0 for all."""
     mass, center, inertia = (
         np.zeros(count) if values is None else number_array(name, values, count)
         for name, values in (("masses", masses), ("centers", centers), ("inertias", inertias))

@@ -23,7 +23,7 @@ TRINGALI_MASSES = {"printed": (0.615, 0.615, 0.307), "fitted": (0.619, 0.821, 0.
 def tringali_3r(masses: Literal["printed", "fitted"] = "printed") -> Arm:
     """Return the planar 3R prototype of Tringali & Cocuzza 2020 and 2021.
 
-    Its data are those of Table 1 of 2020.
+    The data are from Table 1 of the paper of 2020.
 
     masses: "printed" for the masses in the papers, or "fitted"
 
@@ -88,7 +88,7 @@ def kim_3r(masses: Sequence[float] = (0.5, 0.5, 0.5)) -> Arm:
 
     Gravity is (0, −9.81).
 
-    masses: mass of each link [kg], in its middle
+    masses: mass of each link [kg], at its midpoint
 
     The paper prints neither masses nor limits: 0.5 kg per link and no limits are assumptions.
 

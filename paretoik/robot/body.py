@@ -20,7 +20,7 @@ from paretoik.robot.pose import Pose
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Body:
-    """Mass [kg], centre of gravity [m], and inertia about it [kg m²], in one frame."""
+    """Mass [kg], centre of gravity [m] and inertia about this centre [kg m²], in one frame."""
 
     mass: float
     center: Vector3
@@ -28,7 +28,7 @@ class Body:
 
     @classmethod
     def from_values(cls, name: str, mass: float, center: object, inertia: object) -> Body:
-        """Return a body of checked values; ``inertia`` None is that of a point mass.
+        """Return a body of checked values; ``inertia`` None means a point mass.
 
         Raises InvalidInput, with ``name``, for a negative mass, infinite numbers, or an inertia that no real body has.
         """
@@ -76,16 +76,16 @@ class Body:
 def inertia_fault(inertia: Matrix3) -> str | None:
     """Return why a tensor is no real body's inertia, or None."""
     size = float(np.abs(inertia).max())
-    if size < 1e-15:  # kg m²: less than the inertia of a grain of sand, and than the rounding of real files
+    if size < 1e-15:  # kg m²: below the inertia of a grain of sand and the rounding errors of real files
         return None
     if np.abs(inertia - inertia.T).max() > 1e-9 * size:
         return f"inertia must be symmetric, got {shown(inertia.tolist())}"
     principal = np.linalg.eigvalsh(inertia)
     if principal[0] < -1e-9 * size:
-        return f"inertia must be positive, got its smallest principal moment of {principal[0]:.3g} kg m²"
+        return f"inertia must be positive, got smallest principal moment {principal[0]:.3g} kg m²"
     if principal[0] + principal[1] < principal[2] * (1 - 1e-6):
         return (
-            f"inertia must keep the triangle inequality, got principal moments {principal[0]:.4g}, "
+            f"inertia must satisfy the triangle inequality, got principal moments {principal[0]:.4g}, "
             f"{principal[1]:.4g} and {principal[2]:.4g} kg m²"
         )
     return None
@@ -94,8 +94,8 @@ def inertia_fault(inertia: Matrix3) -> str | None:
 def nearest_inertia(inertia: Matrix3) -> Matrix3:
     """Return the nearest inertia of a real body.
 
-    No second moment ∫ r rᵀ dm of a real body is below 0. The second moments are ½ tr(I) 1 − I; those below 0 become 0.
-    Source: Wensing, Kim & Slotine 2018.
+    No eigenvalue of a real body's second moments ∫ r rᵀ dm = ½ tr(I) 1 − I is negative: negative ones become 0. Source:
+    Wensing, Kim & Slotine 2018.
     """
     moments, axes = np.linalg.eigh(np.trace(inertia) / 2 * np.eye(3) - inertia)
     moments = np.maximum(moments, 0.0)
@@ -104,7 +104,7 @@ def nearest_inertia(inertia: Matrix3) -> Matrix3:
 
 
 def transform_body(body: Body, pose: Pose) -> Body:
-    """Return a body in the frame that ``pose`` is given in. The given body is in the frame at ``pose``."""
+    """Return a body in the parent frame of ``pose``. The given body is in the frame at ``pose``."""
     rotation = pose.rotation
     return Body(mass=body.mass, center=pose.apply(body.center), inertia=rotation @ body.inertia @ rotation.T)
 

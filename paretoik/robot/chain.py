@@ -23,7 +23,7 @@ EARTH_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SerialChain:
-    """The numbers of a serial arm, frozen; the fields are documented in ``Arm``."""
+    """The data of a serial arm; ``Arm`` documents the fields."""
 
     name: str
     joint_names: tuple[str, ...]
@@ -69,13 +69,13 @@ class SerialChain:
 
     @cached_property
     def periodic(self) -> np.ndarray:
-        """Whether each joint is rotational, its angle equivalent modulo 2π; shape (dof,), read-only."""
+        """Whether each joint's position is an angle, equivalent modulo 2π; shape (dof,), read-only."""
         return read_only(np.array([joint_type != "prismatic" for joint_type in self.joint_types]))
 
     def frame(self, name: str) -> Frame:
-        """Return the frame of a name.
+        """Return a frame of the arm.
 
-        name: a link of the URDF, a joint (its frame is that of the link that it moves), "tool" or "base"
+        name: name of a link of the URDF, of a joint (the frame of the link that it moves), "tool" or "base"
 
         ``"<tool>"`` and ``"<base>"`` always are the arm's tool and base, even if a link or joint is called "tool" or
         "base". Raises InvalidInput listing the valid names.
@@ -103,16 +103,16 @@ AnyChain = TypeVar("AnyChain", bound=SerialChain)
 
 
 def fix_joint(arm: AnyChain, joint: str, value: float) -> AnyChain:
-    """Return the arm with one joint frozen at ``value`` [rad, m], its link merged with the one before.
+    """Return the arm with one joint frozen at ``value`` [rad, m]; its link is merged with the previous one.
 
-    Raises InvalidInput for an unknown joint, a value that is not finite, or the last joint.
+    Raises InvalidInput for an unknown joint, a value that is not finite, or the only joint.
     """
     if joint not in arm.joint_names:
         hint = likely_spelling(joint, arm.joint_names)
         raise InvalidInput(f"fixed must name joints among {', '.join(arm.joint_names)}, got {shown(joint)}{hint}")
     value = finite_number(f"joint {joint}", value)
     if arm.dof == 1:
-        raise InvalidInput(f"joint {joint} must be one of several that move, got the last of {arm.name}")
+        raise InvalidInput(f"joint {joint} must be one of several moving joints, got the only one of {arm.name}")
     i = arm.joint_names.index(joint)
     lower, upper = arm.position_limits[i]
     if not lower <= value <= upper:
@@ -145,7 +145,7 @@ def fix_joint(arm: AnyChain, joint: str, value: float) -> AnyChain:
 
 
 def joint_motion(joint_type: str, value: float, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> Pose:
-    """Return the pose that a joint at ``value`` [rad, m] adds to its placement; identity for others."""
+    """Return the pose that a joint at ``value`` [rad, m] adds to its placement; identity for other types."""
     if joint_type == "prismatic":
         return Pose(value * np.array(axis))
     if joint_type in ("revolute", "continuous"):

@@ -3,8 +3,8 @@
 A component is an array over samples, a plain number if it is the same for all samples, or an expression if derivatives
 are taken. Vectors are triples of components, matrices are three rows. Products and sums with the numbers 0 and 1 are
 left out. So the three-dimensional kernels cost no more than planar ones for a planar arm, and do not multiply by zeros
-for a Panda, whose frames are rotated by right angles. No function takes an absolute value, a maximum or a branch on an
-array, so that all functions also accept complex input.
+for a Panda, whose frames are rotated by right angles. No function uses absolute values, maxima or branches on arrays,
+so all functions also accept complex input.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def evaluate_in_blocks(
     flat = [array.reshape(count, arm.dof) for array in arrays]
     entries = int(np.prod(shape))
     out = np.empty((count, entries), dtype=np.result_type(float, *arrays))
-    size = 6144  # samples: enough to make the cost of a call negligible; columns of 48 KB reuse memory
+    size = 6144  # samples: enough that the cost of a call is negligible; memory of 48 KB columns is reused
     for start in range(0, count, size):
         stop = min(start + size, count)
         block = [[np.ascontiguousarray(part[start:stop, joint]) for joint in range(arm.dof)] for part in flat]

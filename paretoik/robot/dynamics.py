@@ -99,7 +99,7 @@ def energy_components(arm: SerialChain, q: Sequence[Component], dq: Sequence[Com
 def _cosines_and_sines(
     constants: ArmConstants, q: Sequence[Component], acceleration: Vector
 ) -> list[tuple[Component, Component]]:
-    """Return cosines and sines, (1, 0) for a first joint along whose axis gravity acts."""
+    """Return cosines and sines; (1, 0) for the first joint if gravity is along its axis."""
     x, y, _ = apply_transposed(constants.links[0].rotation, acceleration)
     if isinstance(x, float) and isinstance(y, float) and x == y == 0.0:
         return [(1.0, 0.0), *joint_cosines_and_sines(constants.links[1:], q[1:])]
@@ -114,7 +114,10 @@ def _newton_euler(
     ddq: Sequence[Component],
     acceleration: Vector,
 ) -> list[Component]:
-    """Return torques by the recursion; ``acceleration``: base's minus gravity, in its frame."""
+    """Return torques by the recursion.
+
+    acceleration: acceleration of the base minus gravity, in the base frame
+    """
     omega, omega_rate, gradient = ZERO, ZERO, (ZERO, ZERO, ZERO)
     forces, moments, origins = [], [], []
     for i, link in enumerate(constants.links):
@@ -170,7 +173,7 @@ def _moment(link: LinkConstants, gradient: Matrix, acceleration: Vector) -> Vect
 
 
 def _origin(link: LinkConstants, q: Component) -> Vector:
-    """Return the origin of a link in the frame before. It includes the travel of a prismatic joint."""
+    """Return the origin of a link in the previous frame; a prismatic joint shifts it."""
     if not link.prismatic:
         return link.translation
     axis = (link.rotation[0][2], link.rotation[1][2], link.rotation[2][2])

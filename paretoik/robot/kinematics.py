@@ -87,14 +87,14 @@ def arm_constants(arm: SerialChain) -> ArmConstants:
 def joint_cosines_and_sines(
     links: Sequence[LinkConstants], q: Sequence[Component]
 ) -> list[tuple[Component, Component]]:
-    """Return (cos q, sin q) of every rotating joint, (1, 0) of a prismatic one."""
+    """Return (cos q, sin q) of each rotational joint, (1, 0) of each prismatic one."""
     return [(1.0, 0.0) if link.prismatic else (np.cos(x), np.sin(x)) for link, x in zip(links, q, strict=True)]
 
 
 def base_parameters(arm: SerialChain) -> list[np.ndarray]:
     """Return each link's pseudo-inertia (4, 4), regrouped into base parameters.
 
-    The moments that a joint does not move are added to the link before: mass on the axis of a rotational joint, and the
+    Moments that a joint does not move are added to the previous link: mass on the axis of a rotational joint, or the
     rotary inertia of a prismatic link. Motions, torques and energies stay the same. Most entries become zero, and
     kernels skip zeros. Source: Khalil & Kleinfinger 1987, base inertial parameters.
     """
@@ -112,7 +112,7 @@ def base_parameters(arm: SerialChain) -> list[np.ndarray]:
 
 
 def _snap(rotation: np.ndarray) -> np.ndarray:
-    """Return a rotation whose entries that are 0 or ±1 within 1e-15 are exact: they come from right angles."""
+    """Return a rotation whose entries within 1e-15 of 0 or ±1 are rounded: they come from right angles."""
     nearest = np.round(rotation)
     return np.where(np.abs(rotation - nearest) < 1e-15, nearest, rotation)
 
@@ -122,9 +122,9 @@ def _snap(rotation: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=256)
 def characteristic_length(arm: SerialChain) -> float:
-    """Return the length [m] from the first joint to the tool, prismatic joints at 0.
+    """Return the sum of link lengths [m] from the first joint to the tool, with prismatic joints at 0.
 
-    If it is 0: the longest range of a slide, or 1 m if no slide is limited.
+    If the sum is 0, return the longest range of a prismatic joint, or 1 m if none is limited.
     """
     offsets = [*arm.placements[1:], arm.tool]
     length = float(sum(np.linalg.norm(pose.position) for pose in offsets))
@@ -136,13 +136,13 @@ def characteristic_length(arm: SerialChain) -> float:
 
 @lru_cache(maxsize=256)
 def joint_scales(arm: SerialChain) -> Float[np.ndarray, " dof"]:
-    """Return the unit of each joint: 1 rad, or for a slide the arm's length [m]."""
+    """Return the unit of each joint: 1 rad, or the arm's length [m] for a prismatic joint."""
     return read_only(np.where(arm.periodic, 1.0, characteristic_length(arm)))
 
 
 @lru_cache(maxsize=256)
 def geometry_key(arm: SerialChain) -> tuple[object, ...]:
-    """Return a dictionary key of an arm's geometry. Arms with the same link poses and scales have equal keys."""
+    """Return a dictionary key of an arm's geometry; it is equal for arms with the same link poses and scales."""
     poses = [*arm.placements, arm.tool, arm.base]
     numbers = np.concatenate([part for pose in poses for part in (pose.position, pose.quaternion)])
     return arm.joint_types, arm.is_planar, characteristic_length(arm), numbers.tobytes()
@@ -194,7 +194,7 @@ def frame_components(arm: SerialChain, links: LinkFrames, frame: Frame) -> tuple
 def jacobian_components(
     arm: SerialChain, links: LinkFrames, frame: Frame, position: Vector
 ) -> list[tuple[Vector, Vector]]:
-    """Return each joint's linear and angular Jacobian column. The columns are for a frame at ``position``."""
+    """Return each joint's linear and angular Jacobian column, for a frame at ``position``."""
     columns = []
     for i, link in enumerate(arm_constants(arm).links):
         axis = transpose(links.rotations[i])[2]

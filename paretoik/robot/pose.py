@@ -1,7 +1,7 @@
 """Poses: position and orientation of a frame, and functions on arrays of rotations.
 
 Quaternions are (w, x, y, z) of length 1; a quaternion and its negative are the same orientation. A pose maps a point
-of its frame to ``position + rotation @ point`` outside it.
+of its frame to ``position + rotation @ point`` in its parent frame.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ class Pose:
     position: coordinates (3,) [m], read-only
     quaternion: orientation (4,) as (w, x, y, z), read-only; normalised if its length is within 1e-6 of 1
 
-    ``arm.pose`` of many postures returns a batch: position (*batch, 3) and quaternion (*batch, 4); ``poses[i]``
-    picks from it. Functions that take one pose refuse a batch. Raises InvalidInput unless there are three finite
+    ``arm.pose`` of many postures returns a batch: position (*batch, 3) and quaternion (*batch, 4). ``poses[i]`` is one
+    of its poses. Functions that take one pose refuse a batch. Raises InvalidInput unless there are three finite
     coordinates and a finite unit quaternion.
 
     >>> tool = Pose.planar(1.0, 0.0, angle=np.pi / 2) @ Pose([0.5, 0.0, 0.0])
@@ -62,7 +62,7 @@ class Pose:
         matrix: rotation (3, 3), or homogeneous matrix (4, 4), which takes no position
         position: coordinates (3,) [m] for a rotation, None for the origin
 
-        A rotation within 1e-6 of an orthogonal matrix is made orthogonal; others, such as mirrors, are refused.
+        A rotation within 1e-6 of an orthogonal matrix is made orthogonal; others, such as reflections, are refused.
         """
         array = finite_array("pose matrix", matrix)
         if array.shape == (4, 4) and position is None:
@@ -83,7 +83,7 @@ class Pose:
 
     @classmethod
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
-        """Return a pose from roll, pitch and yaw [rad]. They are about fixed x, y, z in this order, as in a URDF."""
+        """Return a pose from roll, pitch and yaw [rad], about fixed x, y, z in this order, as in a URDF."""
         angles = finite_array("pose rpy", rpy, shape=(3,))
         check_angles("pose rpy", rpy)
         return cls(position, rpy_to_quaternion(angles))
@@ -125,7 +125,7 @@ class Pose:
         return matrix
 
     def __matmul__(self, other: Pose) -> Pose:
-        """Return ``other``, given in this frame, in this pose's own parent frame."""
+        """Return ``other``, a pose in this frame, in this pose's parent frame."""
         if not isinstance(other, Pose):
             return NotImplemented
         position, quaternion = self.apply(other.position), quaternion_product(self.quaternion, other.quaternion)
@@ -139,7 +139,7 @@ class Pose:
         return pose_batch(-np.einsum("...ji,...j->...i", self.rotation, self.position), conjugate)
 
     def apply(self, points: ArrayLike) -> Float[np.ndarray, "*batch 3"]:
-        """Return points, given in this frame, in this pose's parent frame.
+        """Return points of this pose's frame in its parent frame.
 
         points: coordinates (..., 3) [m]; for a batch of poses one point each, or one (3,) for all
         """
@@ -151,12 +151,12 @@ class Pose:
             return outside
         batch = self.position.shape[:-1]
         if inside.shape[:-1] not in ((), batch):
-            raise InvalidInput(f"points must be one, or one for each of {batch} poses, got shape {inside.shape}")
+            raise InvalidInput(f"points must have shape (3,) or {(*batch, 3)}, one per pose, got {inside.shape}")
         return np.einsum("...ij,...j->...i", self.rotation, inside) + self.position
 
 
 def pose_batch(position: Float[np.ndarray, "*batch 3"], quaternion: Float[np.ndarray, "*batch 4"]) -> Pose:
-    """Return a batch of poses from finite positions and unit quaternions. Quaternions have length 1 up to rounding."""
+    """Return a batch of poses from finite positions and unit quaternions, whose rounding errors are removed."""
     poses = object.__new__(Pose)
     unit = quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
     freeze(poses, position=np.array(position), quaternion=unit)

@@ -1,6 +1,6 @@
 """An arm from a URDF: validate the file, select the chain, build.
 
-The chain leads from base to tip. Joint frames have their axis along z; fixed links are merged into those that move.
+The chain is from base to tip. Joint frames have their axis along z. Fixed links are merged into those that move.
 """
 
 from __future__ import annotations
@@ -95,9 +95,9 @@ def select_chain(
     faults, notices = _sort_faults(robot, path, above, still=links[: first + 1], moved=links[first + 1 :])
     for joint in moving:
         if joint.mimic or joint.type in OTHER_TYPES:
-            wish = "must have one freedom of its own on the chain from base to tip"
+            wish = "must have one degree of freedom of its own on the chain from base to tip"
             hint = f"fixed= freezes {leaders[joint.name][0]!r}" if joint.mimic else f"base={joint.child!r} is below it"
-            got = f"a {'mimic' if joint.mimic else joint.type} one"
+            got = f"a {'mimic' if joint.mimic else joint.type} joint"
             faults.append((joint.line, f"joint {joint.name!r}: {wish}, got {got}; {hint}"))
     frozen = {}
     for joint in joints:
@@ -108,18 +108,18 @@ def select_chain(
             where, still = "on" if joint in path else "off", joint.frozen_text(frozen[joint.name])
             notices.append(f"joint {joint.name!r}: {where} the chain, {still}{leads}")
     if start != root:
-        notices.insert(0, f"base {start!r} is not the root {root!r}: what is above it is left out")
+        notices.insert(0, f"base {start!r} is not the root {root!r}: links above it are left out")
     narrowed = [replace(joint, limits=joint.limits.narrowed) for joint in moving]
     if not soft and (unused := [old.name for old, new in zip(moving, narrowed, strict=True) if old != new]):
-        notices.append(f"soft limits of {len(unused)} joints, from {unused[0]!r} on, are not used: soft=True uses them")
+        notices.append(f"soft limits of {len(unused)} joints (first: {unused[0]!r}) are not used: soft=True uses them")
     if soft:
         moving = narrowed
         empty = [joint for joint in moving if joint.limits.lower > joint.limits.upper]
         wish = "soft limits must overlap its limits"
         faults += [(each.line, f"joint {each.name!r}: {wish}, got {each.limits.soft}") for each in empty]
     if jerky := [joint.name for joint in moving if np.isfinite(joint.limits.jerk)]:
-        hint = "pk.Controller(jerk=arm.jerk_limits) holds an export to them"
-        notices.append(f"jerk limits of {len(jerky)} joints, from {jerky[0]!r} on, do not bind motions: {hint}")
+        hint = "pk.Controller(jerk=arm.jerk_limits) applies them to an export"
+        notices.append(f"jerk limits of {len(jerky)} joints (first: {jerky[0]!r}) do not limit motions: {hint}")
     return Chain(
         base=start,
         tip=end,
@@ -134,9 +134,9 @@ def select_chain(
 
 
 def find_zero_limits(chain: Chain) -> list[str]:
-    """Return messages for limits of 0 on the chain. These are limits on velocity, effort, acceleration or jerk."""
+    """Return messages for limits of 0 on the chain: on velocity, effort, acceleration or jerk."""
     return [
-        f"joint {joint.name!r}: {name} limit must not be 0, got 0; zero_limits='unlimited' says that it means none"
+        f"joint {joint.name!r}: {name} limit must not be 0, got 0; zero_limits='unlimited' ignores it"
         for joint in chain.moving
         for name in ("velocity", "effort", "acceleration", "jerk")
         if getattr(joint.limits, name) == 0.0
@@ -170,7 +170,7 @@ def _path(source: str, joints: Sequence[JointDescription], base: str, tip: str) 
 
 
 def _leader(robot: RobotDescription, joint: JointDescription, fixed: Collection[str]) -> tuple[str, float, float]:
-    """Return the leader at the end of a mimic chain, or the joint itself, multiplier and offset."""
+    """Return the last joint of a joint's mimic chain (itself if it mimics none), multiplier and offset."""
     name, multiplier, offset = joint.name, 1.0, 0.0
     passed = set[str]()
     while name in robot.joints and name not in fixed and name not in passed and (mimic := robot.joints[name].mimic):
@@ -189,13 +189,13 @@ def _sort_faults(
 ) -> tuple[list[Fault], list[str]]:
     """Return the faults of the chain's parts, and notices about other parts.
 
-    A joint above the base must be readable if the direction of gravity depends on it.
+    A misplaced joint above the base is a fault too: the direction of gravity depends on it.
     """
     faults: list[Fault] = []
     notices: list[Fault] = []
     for joint in robot.joints.values():
         is_needed = joint in path or (joint in above and joint.misplaced)
-        what = "with all that it carries, left out" if joint.misplaced else "frozen"
+        what = "left out with all that it carries" if joint.misplaced else "frozen"
         consequence = "" if is_needed else f"; off the chain, {what}"
         (faults if is_needed else notices).extend((line, text + consequence) for line, text in joint.faults)
     for link in robot.links.values():
@@ -267,12 +267,12 @@ def check_robot(
         chain = select_chain(str(file), robot, base, trunk[-1], fixed, soft=soft)
         moved = [joint.child for joint in chain.moving]
         last = max((row for row, link in enumerate(chain.links) if link in moved), default=None)
-        others = "" if last is None else f", or a link that all of them hang from: {', '.join(chain.links[last:])}"
+        others = "" if last is None else f", or a link that carries them all: {', '.join(chain.links[last:])}"
         summary.append(f"several leaves: name one as tip to see its chain{others}")
         faults = _build_arm(robot, chain, repair_inertias)[1] if chain.moving else list_messages(chain.faults)
         every = list_messages(robot.part_faults)
         off = [each for each in every if not any(fault.startswith(each) for fault in faults)]
-        notices = tuple(f"{each}; it matters on a chain that it is on" for each in off)
+        notices = tuple(f"{each}; it matters only on a chain that contains it" for each in off)
     else:
         chain = select_chain(str(file), robot, base, tip, fixed, soft=soft)
         summary.append(f"chain {chain.base} to {chain.tip}: {len(chain.moving)} moving joints")
@@ -292,7 +292,7 @@ def read_chain(
     soft: bool = False,
     repair_inertias: bool = False,
 ) -> SerialChain:
-    """Return the numbers of the arm between two links of a URDF; see ``Arm.from_urdf``.
+    """Return the data of the arm between two links of a URDF; see ``Arm.from_urdf``.
 
     Raises InvalidRobot listing every fault, InvalidInput for unknown names or zero limits.
     """
@@ -338,18 +338,18 @@ def _build_arm(
         faults += wrong
         notices += list_messages(said)
         if not np.isfinite([body.mass, *body.center, *body.inertia.flat]).all():
-            wish = "masses must be small enough to add up, got too large ones"
+            wish = "masses and inertias of its links must have finite sums, got too large ones"
             faults.append((joint.line, f"joint {shown(joint.name)}: {wish}"))
         elif body.mass == 0.0:
-            use = "" if joint is moving[-1] else ", though other joints follow it: no torques and energies of this arm"
-            notices.append(f"joint {joint.name!r}: moves no mass{use}")
+            use = "" if joint is moving[-1] else ", though other joints follow: torques and energies are refused"
+            notices.append(f"joint {joint.name!r}: its link has no mass{use}")
     if faults:
         return None, list_messages(faults), tuple(notices)
     gravity = frames[robot.roots[0]].pose.rotation @ np.array(EARTH_GRAVITY)
-    if np.abs(gravity - EARTH_GRAVITY).max() > 1e-9:  # m/s²: rounding error of a base that is level
+    if np.abs(gravity - EARTH_GRAVITY).max() > 1e-9:  # m/s²: rounding error of a level base
         axes = ", ".join(f"{value:.4g}" for value in gravity)
-        text = f"gravity is ({axes}) m/s² in its axes; mounted(base=...) keeps that unless it gets gravity, too"
-        notices.append(f"base {chain.base!r} is tilted against the root {robot.roots[0]!r}: {text}")
+        text = f"gravity is ({axes}) m/s² in its axes; mounted(base=...) keeps that unless gravity= is given too"
+        notices.append(f"base {chain.base!r} is tilted relative to the root {robot.roots[0]!r}: {text}")
     limits = [joint.limits for joint in moving]
     types: tuple[JointType, ...] = tuple(joint.type for joint in moving)  # type: ignore[misc]  # of JOINT_TYPES
     arm = SerialChain(
@@ -377,8 +377,8 @@ def _build_arm(
 def _place_links(chain: Chain) -> tuple[dict[str, Frame], tuple[Pose, ...]]:
     """Return the frames of all links, and the placements of moving joints.
 
-    A link's frame is given on the moving link that carries it. A moving link's frame is its joint's, turned so that z
-    is the axis. Links on a misplaced joint have no frame.
+    A link's frame is relative to the moving link that carries it. A moving link's frame is its joint's, turned so that
+    z is the axis. Links on a misplaced joint have no frame.
     """
 
     def at_rest(joint: JointDescription) -> Pose:
@@ -394,7 +394,7 @@ def _place_links(chain: Chain) -> tuple[dict[str, Frame], tuple[Pose, ...]]:
         if joint.child in frames or parent is None:
             continue
         if joint.name in numbers:
-            # a rotation that takes z to ``axis``, of length 1; exact if that is a coordinate axis
+            # a rotation from z to the unit vector ``axis``; exact for coordinate axes
             axis = np.array(joint.axis)
             smallest = int(np.argmin(np.abs(axis)))
             x = np.eye(3)[smallest] - axis[smallest] * axis
@@ -412,7 +412,7 @@ def _merge_links(
 ) -> tuple[Body, list[Fault], list[Fault]]:
     """Return the body of a joint's link and all that is fixed to it, its faults, and notices.
 
-    This body's inertia must be that of a real one; inertias of single links may be wrong.
+    The inertia of the whole must be possible; those of single links need not be.
     """
     links = [robot.links[name] for name, frame in frames.items() if frame.link == number]
     wrong = {link.name: link.inertia_fault for link in links if link.inertia_fault is not None}
@@ -441,5 +441,6 @@ def _merge_links(
         body, suspects = merge(dict.fromkeys(aside, np.zeros((3, 3)))), [name for name in wrong if name not in aside]
         notices = tell(aside, "off the chain, taken as a point mass")
     if suspects and inertia_fault(body.inertia):
-        return body, tell(suspects, "repair_inertias=True (--repair-inertias) makes its principal moments {}"), notices
-    return body, [], [*notices, *tell(suspects, "the body that contains it has a possible one")]
+        hint = "repair_inertias=True (--repair-inertias) sets its principal moments to {}"
+        return body, tell(suspects, hint), notices
+    return body, [], [*notices, *tell(suspects, "the body that contains it has a possible inertia")]

@@ -32,12 +32,12 @@ class LinkDescription:
     origin: Pose = ORIGIN
     inertia: Matrix3 = field(default_factory=lambda: np.zeros((3, 3)))  # kg m²
     inertia_fault: Fault | None = None  # reason why no real body has this inertia
-    faults: tuple[Fault, ...] = ()  # other faults; a link with other faults has no mass
+    faults: tuple[Fault, ...] = ()  # other faults; a link that has any gets no mass
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointLimits:
-    """Limits of a joint, infinite if there are none; ``soft``: of its safety controller, or None."""
+    """Limits of a joint, infinite if there are none; ``soft`` limits are its safety controller's, or None."""
 
     lower: float = -np.inf
     upper: float = np.inf
@@ -49,17 +49,14 @@ class JointLimits:
 
     @property
     def narrowed(self) -> JointLimits:
-        """Limits that satisfy the soft ones too."""
+        """Limits with positions narrowed to the soft ones."""
         low, high = self.soft or (-np.inf, np.inf)
         return replace(self, lower=max(self.lower, low), upper=min(self.upper, high))
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointDescription:
-    """A joint and its origin on the parent link.
-
-    The ``axis`` has length 1.
-    """
+    """A joint; ``origin`` is its pose on the parent link, ``axis`` has length 1."""
 
     name: str
     type: str
@@ -71,7 +68,7 @@ class JointDescription:
     mimic: tuple[str, float, float] | None = None  # leader, multiplier, offset
     line: int = 1
     faults: tuple[Fault, ...] = ()
-    misplaced: bool = False  # whether the origin or axis cannot be read, so that the place of the child is unknown
+    misplaced: bool = False  # whether the origin or axis cannot be read: the pose of the child is then unknown
 
     @property
     def units(self) -> tuple[str, str]:
@@ -83,7 +80,7 @@ class JointDescription:
         """Name, type and limits."""
         (length, force), limits = self.units, self.limits
         positions = f"{limits.lower:g} to {limits.upper:g} {length}"
-        parts = [positions if np.isfinite(limits.upper - limits.lower) else "no end"]
+        parts = [positions if np.isfinite(limits.upper - limits.lower) else "unlimited"]
         parts += [f"{limits.velocity:g} {length}/s", f"{limits.effort:g} {force}"]
         parts += [f"{limits.acceleration:g} {length}/s²"] * bool(np.isfinite(limits.acceleration))
         return f"{self.name}: {self.type}, {', '.join(parts)}"
@@ -91,7 +88,7 @@ class JointDescription:
     def frozen_text(self, value: float) -> str:
         """Return in words the position of a frozen joint."""
         if self.type in OTHER_TYPES:
-            return f"frozen where its {self.type} motion is zero"
+            return f"frozen at zero {self.type} motion"
         outside = "" if self.limits.lower <= value <= self.limits.upper else ", outside its limits"
         return f"frozen at {value:g} {self.units[0]}{outside}"
 
@@ -100,8 +97,8 @@ class JointDescription:
 class RobotDescription:
     """All links and joints of a file, with faults, warnings and SHA-256.
 
-    faults: all faults, if links and joints are not one tree; otherwise none, since links and joints have their own
-    faults, which matter only on a chain
+    faults: all faults if links and joints are not one tree; otherwise none, as faults of a link or joint matter only on
+        a chain
     """
 
     name: str
@@ -113,7 +110,7 @@ class RobotDescription:
 
     @property
     def part_faults(self) -> list[Fault]:
-        """Every fault of a link or joint, on a chain or not."""
+        """Faults of all links and joints, on a chain or not."""
         of_links = [fault for link in self.links.values() for fault in (*link.faults, link.inertia_fault) if fault]
         return of_links + [fault for joint in self.joints.values() for fault in joint.faults]
 
@@ -130,7 +127,7 @@ class RobotDescription:
         return [link for link in self.links if link not in parents]
 
     def trunk(self, base: str) -> list[str]:
-        """Return the links from ``base`` on that carry all leaves below it."""
+        """Return the links from ``base`` to the first one with several joints or none."""
         trunk = [base]
         while len(below := self._joints_of(trunk[-1])) == 1:
             trunk.append(below[0].child)
@@ -158,7 +155,7 @@ GOT_CLAUSE = re.compile(r", got [^;]*")
 
 @dataclass(frozen=True, kw_only=True)
 class FaultOptions:
-    """Numbers of messages in a text, and of names in a message."""
+    """Maximum numbers of messages in a text, and of names in a message."""
 
     listed_messages: int = 100
     listed_names: int = 3
@@ -179,9 +176,9 @@ def shorten_list(messages: Sequence[str]) -> list[str]:
 
 
 def group_messages(messages: Iterable[str]) -> list[str]:
-    """Return messages, grouped if several links or joints have the same one.
+    """Return messages; equal messages of several links or joints become one.
 
-    A group is one message, with the number of links or joints and the first names.
+    This message has the number of links or joints and their first names.
 
     >>> group_messages([f"line {n}: link 'l{n}': mass must be positive, got {n}; left out" for n in range(5)])
     ["each of 5 links, 'l0', 'l1', 'l2' and 2 more: mass must be positive; left out"]

@@ -36,7 +36,7 @@ from paretoik.robot.urdf_description import (
 
 
 def find_tree_faults(links: Mapping[str, LinkDescription], joints: Mapping[str, JointDescription]) -> list[Fault]:
-    """Return why links and joints are not one tree. Each fault has its line."""
+    """Return the faults that keep links and joints from being one tree, with their lines."""
     faults: list[Fault] = []
     parent_joint: dict[str, str] = {}
     for name, joint in joints.items():
@@ -60,7 +60,7 @@ def find_tree_faults(links: Mapping[str, LinkDescription], joints: Mapping[str, 
 
 
 def find_mimic_faults(joints: Mapping[str, JointDescription]) -> list[tuple[str, str]]:
-    """Return the mimic joints that follow no other joint: names and faults."""
+    """Return names and faults of mimic joints that follow no other joint."""
     faults = []
     for name, joint in joints.items():
         if joint.mimic and joint.mimic[0] not in joints:
@@ -74,7 +74,7 @@ def find_mimic_faults(joints: Mapping[str, JointDescription]) -> list[tuple[str,
 def _find_loops(
     joints: Mapping[str, JointDescription], successor: Callable[[JointDescription], str | None]
 ) -> list[list[str]]:
-    """Return each cycle of a graph of joints, once. In the graph, each joint points to its ``successor``."""
+    """Return each cycle of the graph in which each joint points to its ``successor``, once."""
     visited: set[str] = set()
     loops = []
     for name in joints:
@@ -108,9 +108,9 @@ class ReadingOptions:
     max_depth: int = 64  # elements nested in each other
     max_elements: int = 50_000  # a humanoid with hands has some 10,000
     max_links: int = 1000
-    max_name: int = 200  # characters, unprintable ones as escaped in Python
+    max_name: int = 200  # characters; unprintable ones count as Python's escapes
     max_text: int = 80  # characters of a value that a message quotes
-    length_tolerance: float = 1e-3  # distance of an axis's or quaternion's length from 1 that is warned of
+    length_tolerance: float = 1e-3  # largest difference of an axis's or quaternion's length from 1 without a warning
 
 
 OPTIONS = ReadingOptions()
@@ -118,7 +118,7 @@ OPTIONS = ReadingOptions()
 
 @dataclass(frozen=True, kw_only=True)
 class Element:
-    """One XML element that matters, with the line where it begins."""
+    """One XML element that is read, and the line where it begins."""
 
     tag: str
     attributes: dict[str, str]
@@ -142,7 +142,7 @@ class Element:
 def parse_elements(data: bytes, source: str) -> tuple[Element, list[int]]:
     """Return the ``<robot>`` element without shapes, and the lines of macros that were not read.
 
-    Raises InvalidRobot, naming ``source`` and the line, if data are not the XML of a robot.
+    Raises InvalidRobot, with ``source`` and the line, if the data are not the XML of a robot.
     """
     parser, count = expat.ParserCreate(), 0
     robot, unread_macros = list[Element](), list[int]()
@@ -203,7 +203,7 @@ def read_robot(file: Path) -> RobotDescription:
         with file.open("rb") as stream:
             data = stream.read(OPTIONS.max_bytes + 1)
     except OSError as error:
-        raise InvalidInput(f"{file}: cannot be read, {error.strerror}") from None
+        raise InvalidInput(f"{file} cannot be read: {error.strerror}") from None
     if not data:
         raise InvalidRobot(str(file), ["the file must describe a robot, got an empty file"])
     if len(data) > OPTIONS.max_bytes:
@@ -223,10 +223,10 @@ def read_robot(file: Path) -> RobotDescription:
         joints[name] = replace(joints[name], faults=(*joints[name].faults, (joints[name].line, fault)))
     if reader.with_friction:
         first = reader.with_friction[0]
-        text = f"damping or friction of {len(reader.with_friction)} joints, from {first!r} on, is not modelled"
+        text = f"damping or friction of {len(reader.with_friction)} joints (first: {first!r}) is not modelled"
         reader.warnings.append((joints[first].line, text))
     if macros:
-        reader.warnings.append((macros[0], f"{len(macros)} macros of xacro, in parts that are not read, are left out"))
+        reader.warnings.append((macros[0], f"{len(macros)} macros of xacro are ignored: their parts are not read"))
     faults = [*reader.faults, *find_tree_faults(links, joints)]
     robot = RobotDescription(
         name=root.attributes.get("name") or file.stem,
@@ -241,7 +241,7 @@ def read_robot(file: Path) -> RobotDescription:
 
 @dataclass
 class _Reader:
-    """Reader of one ``owner``: reads elements, collects faults and warnings with their lines."""
+    """Reads elements of one ``owner``, a link, a joint or the file; collects faults and warnings with their lines."""
 
     owner: str
     version: str
@@ -273,17 +273,17 @@ class _Reader:
                 wish = f"name must have at most {OPTIONS.max_name} characters as they are printed"
                 self.fault(element, f"{wish}, got {len(repr(name)) - 2}", f"{tag} {shown(name)}")
             elif name in OWN_FRAMES:
-                wish = f"name must be none of the library's own frames, {', '.join(OWN_FRAMES)}"
+                wish = f"name must differ from the library's own frames {', '.join(OWN_FRAMES)}"
                 self.fault(element, f"{wish}, got {name!r}", f"{tag} {name!r}")
             elif name in elements:
-                wish = "name must be its own"
+                wish = "name must be unique"
                 self.fault(element, f"{wish}, got that of line {elements[name].line}", f"{tag} {name!r}")
             else:
                 elements[name] = element
         return elements
 
     def child(self, element: Element, tag: str) -> Element | None:
-        """Return the only child of a tag, None without one. Several children are a fault."""
+        """Return the only child of a tag, or None. Several children are a fault."""
         children = element.find_all(tag)
         if len(children) > 1:
             self.fault(children[1], f"must have one <{tag}>, got {len(children)}")
@@ -292,7 +292,7 @@ class _Reader:
     def numbers(
         self, element: Element, name: str, default: str | None = None, count: int = 1, *, infinite: bool = False
     ) -> Numbers | None:
-        """Return ``count`` numbers of an attribute, none NaN; None, with a fault, if there are none."""
+        """Return ``count`` numbers of an attribute. If they are missing or invalid, add a fault and return None."""
         text = element.attributes.get(name, default)
         if text is None:
             self.fault(element, f"<{element.tag}> must have {name}, got none")
@@ -311,12 +311,12 @@ class _Reader:
     def number(
         self, element: Element, name: str, default: str | None = None, *, infinite: bool = False
     ) -> float | None:
-        """Return the one number of an attribute; None, with a fault, without one."""
+        """Return the number of an attribute. If there is not one, add a fault and return None."""
         values = self.numbers(element, name, default, infinite=infinite)
         return values[0] if values else None
 
     def origin(self, element: Element) -> Pose | None:
-        """Return the pose of a child ``<origin>``, the identity without one, None with a fault."""
+        """Return the pose of a child ``<origin>``, or the identity without one; None if it has a fault."""
         origin = self.child(element, "origin")
         if origin is None:
             return ORIGIN
@@ -332,7 +332,7 @@ class _Reader:
             return None
 
     def orientation(self, origin: Element) -> Numbers | None:
-        """Return the quaternion (w, x, y, z) of an origin. It is read from rpy [rad], or from quat_xyzw of URDF 1.1."""
+        """Return the quaternion (w, x, y, z) of an origin, from rpy [rad] or quat_xyzw (URDF 1.1)."""
         if "quat_xyzw" not in origin.attributes:
             rpy = self.numbers(origin, "rpy", "0 0 0", 3)
             if rpy is None:
@@ -352,7 +352,7 @@ class _Reader:
 
     def direction(self, element: Element, name: str, values: Numbers) -> Numbers | None:
         """Return numbers scaled to length 1. If all are zero, return None and add a fault."""
-        largest = max(abs(value) for value in values)  # a first divisor, so that no square overflows or vanishes
+        largest = max(abs(value) for value in values)  # divided by this first, no square overflows or vanishes
         if largest == 0.0:
             self.fault(element, f"{name} must not be zero, got {' '.join(['0'] * len(values))}")
             return None
@@ -401,7 +401,7 @@ def _read_link(name: str, element: Element, reader: _Reader) -> LinkDescription:
 
 
 def _read_joint(name: str, element: Element, whole: _Reader) -> JointDescription:
-    """Return a joint; faults of its ends, which make no tree, go to the ``whole`` file."""
+    """Return a joint. A missing parent or child is a fault of the ``whole`` file: there is no tree then."""
     reader = whole.part(f"joint {name!r}")
     reader.no_macros(element)
     joint_type = element.attributes.get("type", "")
@@ -470,7 +470,7 @@ def _read_limits(joint_type: str, joint: Element, reader: _Reader) -> JointLimit
     if lower > upper:
         reader.fault(element, f"limits must not be swapped, got lower {lower:g} and upper {upper:g}")
     elif lower == upper:
-        reader.warning(element, f"its limits leave it no way to move, both are {lower:g}")
+        reader.warning(element, f"its limits leave no motion: both are {lower:g}")
     deceleration = magnitudes.pop("deceleration")
     magnitudes["acceleration"] = min(magnitudes["acceleration"], deceleration)
     return JointLimits(lower=lower, upper=upper, soft=soft, **magnitudes)

@@ -1,7 +1,7 @@
 """Finite differences and quadrature: the discretisations of a motion.
 
 - "backward" as in Tringali & Cocuzza 2020: v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the
-  rectangle at the right end
+  right rectangle rule
 - "central": second order, integrals by the trapezoid rule; on a cycle v₀ = v_N
 - "spline": derivatives of the cubic spline near the samples (``Spline``), integrals by Simpson's rule with midpoints
 """
@@ -89,10 +89,11 @@ def _steps(values: Samples, time: Instants, *, cyclic: bool) -> tuple[np.ndarray
 # Cubic splines near samples: local quasi-interpolants of motions
 #
 # The control point of a sample is that of the parabola through this sample and its neighbours. So the spline reproduces
-# parabolas on any times, and cubics on even times, with cᵢ = qᵢ − (qᵢ₊₁ − 2qᵢ + qᵢ₋₁)/6. It misses inner samples by
-# about δ⁴q/36, and passes through the first and the last. At a free end the acceleration continues the parabola of the
-# next three samples, so that it is as accurate as elsewhere; an end at rest is mirrored; a cycle is wrapped. Every
-# value depends only on the few samples around it. Source: de Boor, A Practical Guide to Splines, chapter XII.
+# parabolas at any times, and cubics at evenly spaced times, with cᵢ = qᵢ − (qᵢ₊₁ − 2qᵢ + qᵢ₋₁)/6. It misses inner
+# samples by about δ⁴q/36, and passes through the first and the last. At a free end the acceleration continues the
+# parabola of the next three samples, so that it is as accurate as elsewhere; an end at rest is mirrored; a cycle is
+# wrapped. Every value depends only on the few samples around it. Source: de Boor, A Practical Guide to Splines,
+# chapter XII.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -179,7 +180,7 @@ def evaluate_with_midpoints(spline: Spline) -> tuple[Instants, Samples, Derivati
 
 def fit_spline(q: Samples, time: Instants, *, cyclic: bool, ends_at_rest: bool) -> Spline:
     """Return the cubic spline near the samples, as described above."""
-    # two more knots at each end, from the cycle or mirrored
+    # two more knots at each end, wrapped from the cycle or mirrored
     step = np.diff(time)
     before, after = (step[..., -2:], step[..., :2]) if cyclic else (step[..., 1::-1], step[..., :-3:-1])
     first = time[..., :1] - np.cumsum(before[..., ::-1], axis=-1)[..., ::-1]

@@ -1,8 +1,8 @@
 """The curve of a motion: its spline projected onto the path, with exact velocities and accelerations.
 
 The spline is s(t), J the tasks' Jacobian there and W the joint scales. The projection moves along the normal directions
-D = W² Jᵀ, q = s + D λ, until the tasks' equations g(q, t) = 0 hold. The derivatives of λ follow from linear systems of
-one matrix, ∂g/∂q D: the implicit function theorem.
+D = W² Jᵀ, q = s + D λ, until the tasks' equations g(q, t) = 0 hold. The derivatives of λ follow from linear systems
+with the same matrix ∂g/∂q D: the implicit function theorem.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def project_rates(
 ) -> JointState:
     """Return the exact state of a spline's projection q onto the path.
 
-    The linear systems are regular if the projection succeeded: the sign of their determinant does not change.
+    The linear systems are regular if the projection succeeded: the sign of their determinant has not changed.
     """
     points, n, rows, steps = int(np.prod(q.shape[:-1])), arm.dof, sum(task.rows for task in tasks), compiled_steps()
     given = [np.broadcast_to(part, (*q.shape[:-1], part.shape[-1])).reshape(points, -1) for part in targets]

@@ -69,15 +69,15 @@ class Limits:
     torque: joint torques [N m], forces [N] of prismatic joints
     power: mechanical power |τᵢ q̇ᵢ| of each joint [W]
     clearance: smallest distance from obstacles [m], if the problem has any
-    margin: fraction of its range, at least 0 and less than 0.5, by which every joint limit moves inwards
+    margin: fraction of its range by which every joint limit moves inwards, at least 0 and less than 0.5
 
     A joint limit is a tuple (lower, upper), or a symmetric number or array: (dof,), or (time, dof) if it varies along
     the path. A mapping names joints; the others keep the arm's own limits. None takes the arm's own limit if there is
     one, np.inf means no limit. Refined motions of splines satisfy their limits at any time without a margin; other
     motions satisfy them at their samples, and may exceed them a little in between.
 
-    Raises InvalidInput, by name, for impossible limits. Position limits of more than two turns on a rotational joint
-    give a warning, because they are probably in degrees.
+    Raises InvalidInput, with the limit's name, for impossible limits. Position limits of more than two turns on a
+    rotational joint give a warning, because they are probably in degrees.
 
     >>> Limits(position=np.deg2rad([90, 120, 120]), velocity=3.8).velocity
     3.8
@@ -150,12 +150,12 @@ class Constraint:
     scale: float
 
     def violation(self, motion: Motion) -> np.ndarray:
-        """Return the largest violation (*batch,) per range, at most 0 if satisfied."""
+        """Return the largest violation (*batch,) divided by ``scale``, at most 0 if satisfied."""
         shares = self.shares(motion.instants)
         return np.asarray(shares.max(axis=-1) if self.form == "peak" else shares)
 
     def shares(self, motion: Motion) -> np.ndarray:
-        """Return violations per range; one per instant if the form is "peak".
+        """Return violations divided by ``scale``; one per instant if the form is "peak".
 
         Raises InvalidInput and EvaluationFailed as objectives do.
         """
@@ -212,7 +212,7 @@ def constraint(
 
 
 def relative_violation(kind: str, bounds: Bounds, motion: Motion) -> Float[np.ndarray, "*batch time dof"]:
-    """Return the violation of a joint limit per sample and range, at most 0 if satisfied."""
+    """Return the violation of a joint limit as a share of its range, at each sample; at most 0 if satisfied."""
     lower, upper = bounds[..., 0], bounds[..., 1]
     values = getattr(motion, LIMITED[kind])
     if kind == "velocity" and motion.derivatives is not None:
@@ -222,7 +222,7 @@ def relative_violation(kind: str, bounds: Bounds, motion: Motion) -> Float[np.nd
 
 
 def limit_ranges(lower: np.ndarray, upper: np.ndarray, usual: np.ndarray | float = 1.0) -> np.ndarray:
-    """Return the widths of limits, for a single bound its size. If the width or size is 0, the range is ``usual``."""
+    """Return the widths of limits, or the size of the only finite bound; ``usual`` if this is 0."""
     width = upper - lower
     one_sided = np.where(np.isfinite(upper), np.abs(upper), np.abs(lower))
     size = np.where(np.isfinite(width), width, np.where(np.isfinite(one_sided), one_sided, 0.0))
@@ -232,9 +232,9 @@ def limit_ranges(lower: np.ndarray, upper: np.ndarray, usual: np.ndarray | float
 def usual_ranges(kind: str, arm: Arm, duration: float) -> Float[np.ndarray, " dof"]:
     """Return the usual size of values of a kind.
 
-    The usual size is the range of limits that have none, such as a bound of 0. For positions it is 1 rad or the arm's
-    length; for velocities and accelerations this is divided by the duration or its square. The usual torque accelerates
-    the arm by its length per squared duration and holds it against gravity; it is 1 N m without masses.
+    It is the range of limits that have no range of their own, such as a single bound of 0. For positions it is 1 rad or
+    the arm's length; for velocities and accelerations this is divided by the duration or its square. The usual torque
+    accelerates the arm by its length per squared duration and holds it against gravity; it is 1 N m without masses.
     """
     joint, length = joint_scales(arm), characteristic_length(arm)
     weight = sum(body.mass for body in arm.bodies) * (length / duration**2 + float(np.linalg.norm(arm.gravity)))
@@ -251,7 +251,7 @@ def usual_ranges(kind: str, arm: Arm, duration: float) -> Float[np.ndarray, " do
 def position_ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Float[np.ndarray, "*times dof"]:
     """Return the ranges [rad, m] between position limits, inf without limits.
 
-    With one limit only it is a whole turn or the arm's length.
+    If there is only one limit, the range is a whole turn or the arm's length.
     """
     span = limits[..., 1] - limits[..., 0]
     one_sided = np.isfinite(limits).any(axis=-1) & np.isinf(span)
@@ -259,7 +259,7 @@ def position_ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Floa
 
 
 def _sides(name: str, value: object) -> tuple[float, float]:
-    """Return the limits of one joint, a number or (lower, upper). Raises InvalidInput for other values."""
+    """Return (lower, upper) of one joint's limit, given as such a tuple or a symmetric number. Raises InvalidInput."""
     if isinstance(value, tuple) and len(value) == 2:
         low, high = real_number(name, value[0]), real_number(name, value[1])
     else:
@@ -270,7 +270,7 @@ def _sides(name: str, value: object) -> tuple[float, float]:
 
 
 def _bounds(kind: str, limit: object, arm: Arm, samples: int) -> Bounds:
-    """Return limits of a kind (1 or time, dof, 2); the arm's own apply if none is given or named."""
+    """Return limits of a kind (1 or time, dof, 2); joints without a given limit have the arm's own."""
     if limit is None or isinstance(limit, Mapping):
         declared = LIMIT_KINDS[kind].declared
         own = getattr(arm, declared) if declared else None

@@ -91,7 +91,7 @@ class Motion:
     time: sample times (*batch, time) [s]
     q: joint positions (*batch, time, dof) [rad, m] at the samples
     tasks: tasks that the motion follows
-    obstacles: obstacles that clearance is measured to
+    obstacles: obstacles for ``clearance``
     link_radius: radius of all links [m]
     differences: kind of velocities and accelerations at the samples, see below
     cyclic: whether the motion ends as it starts: q_N = q₀, v₀ = v_N
@@ -104,9 +104,9 @@ class Motion:
       δ⁴q/36 of the inner samples. Objectives and limits are evaluated at ``instants``, the samples and the midpoints
       between them, integrals by Simpson's rule; integrals with kinks use ``of_spline``.
     - "backward" as in Tringali & Cocuzza 2020 (v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the
-      rectangle at the right end), or "central" (second order, integrals by the trapezoid rule). These are differences
-      of the samples, as in papers: ``dq`` and ``ddq`` differ from ``state`` by their error. The spline passes through
-      the samples.
+      right rectangle rule), or "central" (second order, integrals by the trapezoid rule). These are differences of the
+      samples, as in papers: ``dq`` and ``ddq`` differ from ``state`` by their discretisation error. The spline passes
+      through the samples.
 
     ``motion[i]`` selects from the batch; arrays are read-only. Raises InvalidInput if shapes do not fit the arm, a
     number is not finite, times do not increase, or a cyclic motion does not close.
@@ -187,7 +187,7 @@ class Motion:
 
     @cached_property
     def jerk(self) -> JointPaths:
-        """Joint jerks (*batch, time, dof) [rad/s³, m/s³]: differences, or those of the spline."""
+        """Joint jerks (*batch, time, dof) [rad/s³, m/s³], by differences or of the spline."""
         if self.derivatives is not None:
             return self.derivatives.jerk
         if self.differences == "spline":
@@ -265,14 +265,14 @@ class Motion:
     def instants(self) -> Motion:
         """The motion at the times at which objectives and limits are evaluated.
 
-        For splines these are the samples and midpoints, (*batch, 2 · time − 1, dof), with values of the
-        curve, or of the spline if it cannot be retracted. Otherwise it is the motion itself.
+        For splines these are the samples and midpoints, (*batch, 2 · time − 1, dof), with values of the curve, or of
+        the spline if it cannot be retracted. Otherwise it is the motion itself.
         """
         if self.differences != "spline" or self.derivatives is not None:
             return self
         time, _, spline = evaluate_with_midpoints(self.spline)
         q, dq, ddq = self._nodes
-        bounds = dq.copy()  # middle coefficient of a parabola: v + h a / 2 from the sample before
+        bounds = dq.copy()  # middle Bernstein coefficient of a parabola: v + h a / 2 of the previous sample
         bounds[..., 1::2, :] = dq[..., :-1:2, :] + np.diff(self.time)[..., None] / 2 * ddq[..., :-1:2, :]
         derivatives = replace(spline, dq=dq, ddq=ddq, velocity_bounds=bounds, spline=self._spline_nodes)
         return replace(self, time=time, q=q, derivatives=derivatives)
@@ -292,7 +292,7 @@ class Motion:
 
     @property
     def velocity_bounds(self) -> JointPaths:
-        """Velocities at the ``instants``; at midpoints of a spline, its Bernstein coefficients."""
+        """Velocities at the ``instants``; at midpoints of a spline, its middle Bernstein coefficients."""
         return self.dq if self.derivatives is None else self.derivatives.velocity_bounds
 
     @property
@@ -395,8 +395,8 @@ class Motion:
             where = f"at: the motion must follow its path, but at {instants[off_path[-1]]:g} s"
             error = retraction.error[off_path]
             if error <= ON_PATH_TOLERANCE:
-                raise Infeasible(f"{where} it meets a singularity of its tasks and has no direction")
-            raise Infeasible(f"{where} its tool is {error:.3g} rad or lengths of the arm off")
+                raise Infeasible(f"{where} it meets a singularity of its tasks")
+            raise Infeasible(f"{where} its tool is off by {error:.3g} rad or arm lengths")
         return retraction.q
 
     @property
@@ -419,7 +419,7 @@ def motion_text(motion: Motion) -> str:
     lasts = f"{longest:.4g} s" if shortest >= longest else f"{shortest:.4g} to {longest:.4g} s"
     lines = [f"Motion of {motion.arm.name}: {count}, {samples} samples, {lasts}"]
     if motion.q.size:
-        rows = [["joint", "unit", "least position", "greatest", "fastest per s"]]
+        rows = [["joint", "unit", "lowest position", "highest position", "highest speed per s"]]
         low, high, speed = (each.reshape(-1, motion.arm.dof) for each in (motion.q, motion.q, np.abs(motion.dq)))
         for i, (name, kind) in enumerate(zip(motion.arm.joint_names, motion.arm.joint_types, strict=True)):
             numbers = (low[:, i].min(), high[:, i].max(), speed[:, i].max())

@@ -57,7 +57,7 @@ OPTIONS = RefinementOptions()
 def finer_motion(motions: Motion, refinement: int = OPTIONS.steps) -> Motion:
     """Return the projected curves of one task's motions (*batch, time, dof) on a finer grid.
 
-    Velocities and accelerations are those of the curve for all differences. Raises Infeasible off the path.
+    Velocities and accelerations are the curve's, for any ``differences``. Raises Infeasible off the path.
     """
     time = motions.time.reshape(-1, motions.time.shape[-1])[0]
     curves = curve_on(motions, divide(time, refinement))
@@ -127,7 +127,7 @@ def largest_between(evaluate: Callable[[Pieces], Columns], times: Pieces) -> flo
 
 
 def _step_bounds(times: Pieces, values: Columns) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return every step's begin and end, and a bound of its values."""
+    """Return every step's begin and end, and an upper bound of its values."""
     bends = np.pad(np.diff(values, 2, axis=1), ((0, 0), (2, 2), (0, 0)), mode="edge")
     around = sliding_window_view(bends, 4, axis=1)
     low, high = around.min(axis=-1), around.max(axis=-1)
@@ -160,7 +160,7 @@ class SampleOptions:
 
     steps: int = 50  # number of steps between samples on the grid of the curve
     doublings: int = 3  # largest number of times that the intervals of a path are doubled if a value is under-resolved
-    helped: float = 0.5  # largest share of the median error after doubling for which they are doubled again
+    helped: float = 0.5  # largest ratio of the median errors after and before doubling, for doubling again
 
 
 SAMPLES = SampleOptions()
@@ -276,7 +276,7 @@ class MotionTask:
 
     @cached_property
     def limit_joints(self) -> tuple[tuple[str, int], ...]:
-        """Kind and joint of each column of ``violations``; name and −1 if it has no joint."""
+        """Kind and joint of each column of ``violations``; name and −1 for a limit that is not on a joint."""
         joints = [(kind, int(joint)) for kind, joints in self.limited_joints.items() for joint in joints]
         others = [*["clearance"] * bool(self.obstacles), *(each.name for each in self.constraints)]
         return (*joints, *((name, -1) for name in others))
@@ -287,7 +287,7 @@ class MotionTask:
         return tuple(f"{kind} of {self.arm.joint_names[j]}" if j >= 0 else kind for kind, j in self.limit_joints)
 
     def violations(self, motion: Motion) -> Float[np.ndarray, "*batch limits"]:
-        """Return the largest violation (*batch, limits) of every limit per range, at most 0 if satisfied."""
+        """Return every limit's largest violation (*batch, limits) as a share of its range; at most 0 if satisfied."""
         motion = motion.instants
         columns = [shares.max(axis=-2) for shares in self._limit_shares(motion)]
         columns += [each.violation(motion)[..., None] for each in self.constraints]
@@ -321,7 +321,7 @@ class MotionTask:
 
     @property
     def clearance_range(self) -> float:
-        """Divisor of violations of clearance [m]: the required one, at least 1 % of the arm's length."""
+        """Divisor of violations of clearance [m]: the required clearance, at least 1 % of the arm's length."""
         return max(self.min_clearance, 0.01 * characteristic_length(self.arm))
 
     def violation_between(self, motions: Motion) -> Float[np.ndarray, " points"]:
@@ -336,7 +336,7 @@ class MotionTask:
 
         def shares(motion: Motion, times: Pieces) -> Columns:
             q, dq, ddq, jerk = curve_on(motion, times)
-            inner = times.copy()  # a limit that begins or ends at a sample belongs to the interval that it limits
+            inner = times.copy()  # a limit that begins or ends at a sample applies only on its side of the sample
             inner[:, [0, -1]] += [1e-9, -1e-9] * (times[:, -1:] - times[:, :1])
             derivatives = Derivatives(dq=dq, ddq=ddq, jerk=jerk, velocity_bounds=dq)
             pieces = replace(motion, time=inner, q=q, derivatives=derivatives, cyclic=False)
@@ -363,7 +363,7 @@ class MotionTask:
         return errors
 
     def describe_between(self, motions: Motion) -> str:
-        """Return in words the limit most violated between samples by motions (points, time, dof), and a remedy.
+        """Return in words the limit that motions (points, time, dof) violate most between samples, and a remedy.
 
         The text is "" if no limit is exceeded.
         """
@@ -378,10 +378,10 @@ class MotionTask:
         return f"between samples: {self.describe_violation(dense[int(worst.argmax())])}; {remedy}"
 
     def describe_violation(self, motion: Motion, numbers: Int[np.ndarray, " time"] | None = None) -> str:
-        """Return in words the most violated limit, the place and the violation.
+        """Return in words the most violated limit, its time and its violation.
 
         motion: motion to describe
-        numbers: numbers of the samples in another task, if the samples are a part of that task
+        numbers: indices of the samples in another task, if the samples are a part of that task
 
         The text is "" if all limits are satisfied. Limits with the same violation within 0.1 % are named too: if the
         motion has the smallest possible violation, these limits contradict each other.
@@ -396,7 +396,7 @@ class MotionTask:
         if np.isnan(violations[worst]):
             message = f"{name} is nan{where}"
         elif name == "clearance":
-            message = f"clearance is {self.min_clearance - motion.clearance.min():.3g} m short{where}"
+            message = f"clearance is {self.min_clearance - motion.clearance.min():.3g} m too small{where}"
         else:
             (kind, joint), side = self.limit_joints[worst], "exceeded" if where else "violated"
             if kind == "position" and joint >= 0:
@@ -407,7 +407,7 @@ class MotionTask:
             message = f"{name} is {side} {amount}{where}"
         others = np.flatnonzero(violations >= (1 - 1e-3) * violations[worst]).tolist()
         tied = [f"{self.limit_names[i]}{self._where(i, motion, numbers)}" for i in others if i != worst]
-        return message + (f"; so is {' and '.join(tied)}" if tied else "")
+        return message + (f"; equally violated: {' and '.join(tied)}" if tied else "")
 
     def worst_instant(self, limit: int, motion: Motion) -> int:
         """Return the instant of a limit's largest violation, −1 for a limit on the whole motion."""

@@ -98,7 +98,7 @@ def objective(
     The function must return real numbers of the form's shape, not change its input (arrays are read-only) and work for
     any batch.
 
-    Raises InvalidInput for an unknown form, or names and units that are no printable text.
+    Raises InvalidInput for an unknown form, or names and units that are not printable text.
 
     >>> @objective(unit="rad²/s", form="integral")
     ... def wrist_effort(motion):
@@ -148,8 +148,8 @@ def evaluate_function(name: str, function: Function, motion: Motion, form: Form)
             between = motion.differences == "spline" and motion.derivatives is not None
             each = f"each of {motion.q.shape[-2]} times{' (samples and between them)' * between} of {each}"
         raise InvalidInput(
-            f"{name} {wish}, got {array.shape}: a value for {each}; arrays of motions are (*batch, time, joints), so "
-            "that dq[..., 0] is of the first joint"
+            f"{name} {wish}, got {array.shape}; return a value for {each}; arrays of motions are (*batch, time, "
+            "joints), so that dq[..., 0] is of the first joint"
         )
     return array.astype(float)
 

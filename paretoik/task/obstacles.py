@@ -81,7 +81,7 @@ class Box:
     center: point, or pose if rotated; for a rectangle a 2-D point or a pose (``Pose.planar``)
     half_sizes: half lengths along its own axes [m], three of a box, two of a rectangle
 
-    In space a rectangle is an infinite beam along its own z. Raises InvalidInput for other sizes and centers.
+    In space a rectangle is an infinite beam along its own z. Raises InvalidInput for other shapes.
     """
 
     pose: Pose
@@ -90,7 +90,7 @@ class Box:
     def __init__(self, center: Pose | ArrayLike, half_sizes: ArrayLike) -> None:
         sizes = finite_array("box half_sizes", half_sizes)
         if sizes.shape not in ((2,), (3,)):
-            raise InvalidInput(f"box half_sizes: must be 2 or 3, got shape {sizes.shape}")
+            raise InvalidInput(f"box half_sizes: must be 2 or 3 numbers, got shape {sizes.shape}")
         if sizes.min() <= 0:
             raise InvalidInput(f"box half_sizes: must be positive, got {sizes.min():g} m at index {sizes.argmin()}")
         if not isinstance(center, Pose):
@@ -132,8 +132,8 @@ def clearance(
     nodes: positions (*batch, nodes, 3) [m] of the arm's joints and tool, in order
     radius: radius of all links [m]
 
-    A positive clearance is the exact distance; a negative one is the depth of the deepest point of a link's axis, plus
-    the link's radius. Raises InvalidInput for no obstacles.
+    It is the signed distance of the links' axes minus the radius, which is exact if it is positive. Raises InvalidInput
+    for no obstacles.
 
     >>> from paretoik.task.obstacles import Circle
     >>> elbow = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.5, 0.0]])
@@ -173,7 +173,7 @@ def signed_distance(
 
 
 def distance_components(obstacle: Obstacle, start: Components, end: Components) -> Numbers:
-    """Return ``signed_distance`` of points as components, in plain NumPy that can be traced."""
+    """Return ``signed_distance`` of segments given as components, in plain NumPy that can be traced."""
     if isinstance(obstacle, Box):
         position = _components(obstacle.pose.position[None])
         axes = [_components(axis[None]) for axis in obstacle.pose.rotation.T[: len(obstacle.half_sizes)]]
@@ -250,10 +250,8 @@ def _segment_to_box(start: Components, end: Components, half_sizes: np.ndarray) 
 def _depth(start: Components, step: Components, half_sizes: np.ndarray) -> Numbers:
     """Return the signed distance of segments that enter the box.
 
-    It is the minimum along a segment of max(|p| − half size).
-
-    The maximum is over one rising and one falling line per axis. It is smallest at an end or at a crossing of a
-    rising and a falling line.
+    It is the minimum along a segment of max(|p| − half size). The maximum is over one rising and one falling line per
+    axis. It is smallest at an end or at a crossing of a rising and a falling line.
     """
     lines = list(zip(start, step, half_sizes, strict=True))
     fractions = [0.0 * step[0], 0.0 * step[0] + 1.0]

@@ -1,4 +1,4 @@
-"""A path: the tool's desired place over time, as a function and samples."""
+"""A path: the tool's desired position or pose over time, as a function and samples."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ Quaternions: TypeAlias = Float[np.ndarray, "time 4"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Path:
-    """The tool's desired place over time; made by ``line``, ``circle``, ``waypoints`` or ``poses``.
+    """The tool's desired position or pose over time; made by ``line``, ``circle``, ``waypoints`` or ``poses``.
 
     curve: function of time, the path itself
     times: sample times (time,) [s] that start at 0 and increase, evenly or not
     positions: samples (time, 2 or 3) [m]
-    quaternions: unit quaternions (time, 4), (w, x, y, z) with continued signs, or None on a path of points
+    quaternions: unit quaternions (time, 4), (w, x, y, z) without jumps of sign, or None on a path of points
 
     The arrays are read-only. Raises InvalidInput if they do not make a path.
     """
@@ -59,7 +59,7 @@ class Path:
     def __post_init__(self) -> None:
         times, positions = finite_array("path times", self.times), finite_array("path positions", self.positions)
         if times.ndim != 1 or positions.shape not in ((len(times), 2), (len(times), 3)):
-            raise InvalidInput(f"path positions: must be one point for each of the times, got shape {positions.shape}")
+            raise InvalidInput(f"path positions: must be one point per time, got shape {positions.shape}")
         check_instants(times)
         check_magnitude("path times", times[-1], "s", positive=True)
         check_magnitude("path positions", positions, "m")
@@ -148,7 +148,7 @@ class Path:
         return instants.clip(0.0, self.duration)
 
     def resample(self, samples: int) -> Path:
-        """Return the same path with a number of samples, evenly spaced in time."""
+        """Return the same path with this number of samples, evenly spaced in time."""
         return sample_curve(self.curve, even_times(self.duration, samples))
 
     def with_midpoints(self) -> Path:
@@ -156,7 +156,7 @@ class Path:
         return sample_curve(self.curve, with_midpoints(self.times))
 
     def subsample(self, samples: int) -> Path:
-        """Return the same path at a number of its samples, ends included, as even as possible.
+        """Return the same path at this number of its samples, ends included, as evenly spaced as possible.
 
         Raises InvalidInput for more samples than the path has, or fewer than three.
         """
@@ -167,10 +167,10 @@ class Path:
         return self._select(np.arange(self._count_among(samples)))
 
     def standing(self, times: Times, sample: int = 0) -> Path:
-        """Return the path of a tool that rests at a sample's place.
+        """Return the path of a tool that rests at a sample's position or pose.
 
         times: sample times (time,) [s] of the new path
-        sample: number of the sample
+        sample: index of the sample
         """
         instants = finite_array("path times", times)
         if instants.ndim != 1:
@@ -193,7 +193,7 @@ class Path:
 
 
 def sample_curve(curve: Curve, times: Times) -> Path:
-    """Return the path of a curve with samples at ``times``. Quaternions have continued signs."""
+    """Return the path of a curve with samples at ``times``. Quaternions have no jumps of sign."""
     positions, quaternions = curve(times)
     if quaternions is not None:
         reversals = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0, -1.0, 1.0)
@@ -241,9 +241,9 @@ class PathOptions:
     most_turns: float = 1e6  # turns of a circle; positions are then exact to 1e-9 of the radius
     near: float = 0.01  # share of the neighbouring distances: a smaller distance gives a warning
     around: int = 3  # number of neighbouring distances before and after
-    turned: float = 1e-3  # rad: points with a larger turn between them are not near
-    backwards: float = 0.01  # share of the points' median distance: a longer way backwards gives a warning
-    overshoot: float = 0.25  # share of the shorter step at a corner of more than 90°: way backwards without warning
+    turned: float = 1e-3  # rad: largest turn between near points
+    backwards: float = 0.01  # share of the points' median distance: a longer backward motion gives a warning
+    overshoot: float = 0.25  # share of the shorter step at a corner of more than 90°: backward motion without warning
     pieces: int = 32  # number of pieces of the curve between two points
 
 
@@ -265,9 +265,8 @@ def line(
     samples: number of samples, at least 3
     timing: time law, "raised-cosine", "quintic" or "uniform"
 
-    Between poses the orientation follows the geodesic by the same law. Raises
-    InvalidInput for ends of different kinds or at the same place, a bad duration, fewer than 3 samples, or an unknown
-    time law.
+    Between poses the orientation follows the geodesic by the same law. Raises InvalidInput for ends of different kinds,
+    equal ends, a bad duration, fewer than 3 samples, or an unknown time law.
 
     >>> path = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0)
     >>> path
@@ -288,7 +287,7 @@ def line(
         if len(origin) != len(goal):
             raise InvalidInput(f"line: start and end must both be 2-D or 3-D, got {len(origin)}-D and {len(goal)}-D")
         shape = Line(origin, goal - origin, None, np.zeros(3))
-    length = CLOSURE_TOLERANCE * np.linalg.norm(shape.origin)  # the error of rounding
+    length = CLOSURE_TOLERANCE * np.linalg.norm(shape.origin)  # rounding error
     if np.linalg.norm(shape.step) <= length and np.linalg.norm(shape.rotation_vector) <= CLOSURE_TOLERANCE:
         raise InvalidInput(f"line: start and end must differ, got both at {shape.origin.tolist()}")
     return sample_curve(TimedCurve(shape, times[-1], timing), times)
@@ -326,7 +325,7 @@ def circle(
     radius = positive_number("circle radius", radius, "m")
     number = finite_number("circle turns", turns)
     if not 0 < abs(number) <= OPTIONS.most_turns:
-        raise InvalidInput(f"circle |turns| must be above 0, at most {OPTIONS.most_turns:g}, got {number:g}")
+        raise InvalidInput(f"circle |turns| must be above 0 and at most {OPTIONS.most_turns:g}, got {number:g}")
     phase, orientation, fact = finite_number("circle start_angle", start_angle), None, ""
     if isinstance(center, Pose):
         check_pose("circle center", center)
@@ -362,7 +361,7 @@ def waypoints(
 
     points: array (n, 2 or 3) [m], or a sequence of poses
     duration: time from the first to the last point [s]
-    samples: number of samples, at least 3, even in time: in general only the ends are at points
+    samples: number of samples, at least 3, evenly spaced in time; in general only the first and last are at points
     timing: time law of the chord length covered, as for ``line``
 
     The path is a C² cubic spline over the chord length between the points (over the angle if poses only turn), periodic
@@ -426,7 +425,7 @@ def _warn_of_taught_points(
 ) -> None:
     """Warn of points much nearer than their neighbours, and of curves that run backwards.
 
-    A curve runs backwards if it moves against the step between points, or away from a point if this is 0.
+    A curve runs backwards if it moves against the step between points, or away from them if this step is 0.
     """
     steps = np.diff(positions, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
@@ -437,8 +436,8 @@ def _warn_of_taught_points(
     if near.any():
         k = int(np.argmin(np.where(near, lengths / np.maximum(around, 1e-300), np.inf)))
         warn_user(
-            f"{name} {k} and {k + 1} are only {lengths[k]:.3g} m apart, those around them {around[k]:.3g} m: taught "
-            "twice, perhaps; leave one of them out"
+            f"{name} {k} and {k + 1} are only {lengths[k]:.3g} m apart, their neighbours {around[k]:.3g} m: one may "
+            "have been taught twice; leave it out"
         )
     places = knots[:-1, None] + np.diff(knots)[:, None] * np.linspace(0.0, 1.0, OPTIONS.pieces + 1)
     away = curve(places.ravel())[0].reshape(*places.shape, -1) - positions[:-1, None]
@@ -452,8 +451,8 @@ def _warn_of_taught_points(
     k = int(np.argmax(excess))
     if excess[k] > OPTIONS.backwards * np.median(lengths):
         warn_user(
-            f"{name} {k} and {k + 1}: the curve runs {backwards[k]:.3g} m backwards between them; more points there "
-            "help, or times that fit the distances"
+            f"{name} {k} and {k + 1}: the curve runs {backwards[k]:.3g} m backwards between them; add points there, or "
+            "choose times that fit the distances"
         )
 
 
@@ -472,7 +471,7 @@ def _points_or_poses(name: str, values: Sequence[Pose] | Pose | ArrayLike) -> tu
     if isinstance(values, Sequence) and poses:
         if len(poses) < len(values):
             first = next(i for i, value in enumerate(values) if not isinstance(value, Pose))
-            raise InvalidInput(f"{name}: must be all poses or all points, got none at index {first}")
+            raise InvalidInput(f"{name}: must be all poses or all points, got no pose at index {first}")
         for pose in poses:
             check_pose(name, pose)
         return np.stack([pose.position for pose in poses]), np.stack([pose.quaternion for pose in poses])

@@ -98,7 +98,7 @@ CLOSURE_TOLERANCE = 1e-9  # share of a path's or an arm's length, or rad: nearer
 
 @dataclass(frozen=True, eq=False)
 class TimedCurve:
-    """A curve ``shape`` of the fraction covered, travelled in ``duration`` [s] by a time law."""
+    """A curve ``shape`` of the fraction covered, travelled in ``duration`` [s] with a time law."""
 
     shape: SmoothCurve
     duration: float
@@ -125,7 +125,7 @@ class TimedCurve:
 class Line:
     """A line from ``origin`` by ``step`` [m].
 
-    The orientation rotates by ``rotation_vector`` [rad] from ``quaternion``; None for a line of points.
+    The orientation rotates by ``rotation_vector`` [rad] from ``quaternion``. A line of points has no quaternion.
     """
 
     origin: Float[np.ndarray, " axes"]

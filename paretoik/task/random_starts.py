@@ -32,9 +32,9 @@ class InverseKinematicsOptions:
     iterations: int = 40
     longest_step: float = 0.5  # rad, or the arm's length: largest step of a joint
     damping: float = 1e-2  # share of the squared error
-    first_damping: float = 4e-3  # more damping in the first iterations
-    damped_iterations: int = 5
-    quick_starts: int = 32
+    first_damping: float = 4e-3  # damping that is added in the first iterations
+    damped_iterations: int = 5  # number of these first iterations
+    quick_starts: int = 32  # starts per sample of a first search for samples out of reach
     thorough_starts: int = 256  # starts, with five times the iterations, before a sample counts as out of reach
     other_units: float = 10.0  # arm lengths: if a path is farther out of reach, its unit is probably not m
 
@@ -92,7 +92,7 @@ def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfR
     """Return the error that explains why no motion passes sample ``near``."""
     _, error = _solve_from_random_starts(task, np.repeat(np.arange(len(task.times)), POSTURE_OPTIONS.quick_starts), rng)
     unreached = np.abs(error).max(axis=1).reshape(-1, POSTURE_OPTIONS.quick_starts).min(axis=1) > ON_PATH_TOLERANCE
-    for sample in np.flatnonzero(unreached).tolist():  # few starts did not reach it: try more
+    for sample in np.flatnonzero(unreached).tolist():  # the first starts did not reach it: try more
         _, error = _solve_from_random_starts(
             task, np.full(POSTURE_OPTIONS.thorough_starts, sample), rng, iterations=5 * POSTURE_OPTIONS.iterations
         )
@@ -122,14 +122,14 @@ def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfR
     q = sample_postures(task, 64, rng, sample=near)
     condition = float(np.linalg.cond(relative_errors(task.arm, task.tasks, q, task.targets[near])[1]).min())
     return Infeasible(
-        f"every sample can be reached, but no continuous motion passes sample {near} ({task.times[near]:.3g} s): a "
-        f"singularity, a gap between branches or samples too far apart (least condition number of the Jacobian there: "
-        f"{condition:.3g})"
+        f"every sample can be reached, but no continuous motion was found through sample {near} "
+        f"({task.times[near]:.3g} s): there may be a singularity or a gap between branches, or samples are too far "
+        f"apart (smallest condition number of the Jacobian there: {condition:.3g})"
     )
 
 
 def order_by_neighbour(arm: Arm, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "postures dof"]:
-    """Return postures in an order of nearest neighbours."""
+    """Return postures in an order in which each is followed by the nearest of those that remain."""
     remaining = list(q)
     ordered = [remaining.pop(0)]
     while remaining:
@@ -162,7 +162,7 @@ class StartOptions:
     travel_width: tuple[float, float] = (0.3, 1.0)  # share of the path on which half of the travel takes place
     perturbation: float = 1.0  # RMS change of joints in the null space of the path's tasks
     crossing_half: tuple[float, float] = (0.05, 0.4)  # half the share of the path that is taken from the other motion
-    crossing_width: tuple[float, float] = (0.05, 0.4)  # share of the path on which motions change over
+    crossing_width: tuple[float, float] = (0.05, 0.4)  # share of the path on which one motion blends into the other
     longest_jump: float = 0.7  # largest move of a joint from one sample to the next
     finer: tuple[int, ...] = (2, 4)  # factors of the number of samples, tried if a joint would jump
 
@@ -252,9 +252,9 @@ def perturbed_starts(
 def recombined_starts(
     task: MotionTask, q: JointPaths, others: JointPaths, rng: np.random.Generator
 ) -> Float[np.ndarray, "found time dof"]:
-    """Return motions on the path that follow ``q``, and for a random part of the path ``others``.
+    """Return motions on the path that follow ``q``, but ``others`` on a random part of the path.
 
-    Motions are left out if they leave the path or jump farther than both parents: no self-motion connects these.
+    Motions that leave the path or jump farther than both parents are left out: no self-motion connects their parents.
     """
     share, shape = task.times / task.times[-1], (len(q), 1)
     half, width = rng.uniform(*MOTION_OPTIONS.crossing_half, shape), rng.uniform(*MOTION_OPTIONS.crossing_width, shape)
@@ -280,7 +280,8 @@ def _integrate(
 ) -> tuple[Float[np.ndarray, "found time dof"], int]:
     """Return motions near the path, closed if the task is cyclic, and the last sample reached.
 
-    Each sample has one Newton step and a step of ``pace`` [rad, the arm's length] along the self-motion.
+    From sample to sample, a motion makes one Newton step, and a move of ``pace`` [rad, the arm's length] along the
+    self-motion.
     """
     basis = np.linalg.qr(rng.normal(size=(len(start), task.arm.dof, task.arm.dof)))[0]
     eigenvalues = rng.uniform(0.02, 1.0, size=start.shape)  # eigenvalues of the random joint weights

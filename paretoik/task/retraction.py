@@ -24,7 +24,7 @@ ON_PATH_TOLERANCE = 1e-10  # share of the arm's length, and rad: larger than rou
 class RetractionOptions:
     """Settings of Newton's method onto the path."""
 
-    tolerance: float = 1e-12  # share of the arm's length, and rad: the last step squares the error
+    tolerance: float = 1e-12  # share of the arm's length, and rad
     max_iterations: int = 12
     max_step: float = 1.0  # rad or the arm's length, along any direction
     cache_size: int = 64  # evaluators in memory: six for each arm geometry with frames and axes

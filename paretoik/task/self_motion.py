@@ -47,7 +47,7 @@ def branch_labels(motion: Motion) -> list[str]:
     """Return a label, such as ``+-`` or ``+~``, for each motion.
 
     The batch is (motions, time, dof). The label has one sign per inner joint: the sign of the bend over the whole
-    motion. If the joint passes through straight, ``~`` and the sign at the end take its place.
+    motion. If the joint passes through its straight position, ``~`` and the sign at the end take its place.
     """
     signs = bend_signs(motion.arm, motion.q)
     passes = (signs > 0).any(axis=-2) & (signs < 0).any(axis=-2)
@@ -88,7 +88,7 @@ Curve = tuple[np.ndarray, np.ndarray]  # steps (q, directions)
 
 
 def postures_along_path(task: MotionTask, rng: np.random.Generator) -> tuple[list[np.ndarray], float]:
-    """Return postures of every sample on curves connected to an end of the path, and the pace."""
+    """Return postures of every sample, continued from an end of the path, and the largest median joint step."""
     curves: list[list[np.ndarray]] = [[] for _ in task.times]
     pace = [0.0]
     for direction in (range(len(task.times)), reversed(range(len(task.times)))):
@@ -166,7 +166,7 @@ def trace_curves(task: MotionTask, seeds: list[np.ndarray]) -> list[list[Curve]]
 
 
 def node_spacing(arm: Arm, curves: list[list[Curve]], windows: np.ndarray, *, second: bool) -> float:
-    """Return the distance of nodes that resolves speeds, larger if there were too many nodes."""
+    """Return the distance between nodes that resolves speeds, larger if there would be too many nodes."""
     shares, limit = OPTIONS.pair_nodes if second else OPTIONS.nodes
     return float(max((windows[1:] / joint_scales(arm)).max() / shares, _length(arm, curves) / limit))
 
@@ -184,7 +184,7 @@ def _length(arm: Arm, curves: list[list[Curve]]) -> float:
 
 
 def resample_curve(arm: Arm, curve: Curve, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return evenly spaced points along a curve, and each one's successor, −1 at an open end."""
+    """Return evenly spaced points along a curve, and the index of each one's successor, −1 at an open end."""
     q, directions = curve
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q / joint_scales(arm), axis=0), axis=1))])
     distinct = np.append(np.diff(s) > 1e-9, True)
@@ -226,18 +226,17 @@ def unwrap_nodes(q: np.ndarray, ranges: np.ndarray, periodic: np.ndarray) -> tup
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Charts:
-    """Charts around base motions: q = base + null_space · y, then retracted.
-
-    The retraction onto the path is along ``row_space``.
+    """Charts around base motions: q = base + null_space · y, then retracted along ``row_space``.
 
     null_space: bases of the null space of the tasks' Jacobian along each base motion, transported without turning
+    row_space: bases of its row space
 
-    Both are orthonormal if prismatic joints are in arm lengths, so that y = null_spaceᵀ (q − base).
+    Both bases are orthonormal if prismatic joints are in arm lengths, so that y = null_spaceᵀ (q − base).
     """
 
     base: Float[np.ndarray, "bases time dof"]
     null_space: Float[np.ndarray, "bases time dof redundancy"]
-    row_space: Float[np.ndarray, "bases time dof rows"]  # bases of its row space
+    row_space: Float[np.ndarray, "bases time dof rows"]
 
     def at(
         self, task: MotionTask, which: np.ndarray, y: Float[np.ndarray, "*batch time redundancy"]
@@ -265,7 +264,7 @@ def build_charts(task: MotionTask, base: Float[np.ndarray, "bases time dof"]) ->
     """Return charts around base motions on the path."""
     jacobian = relative_errors(task.arm, task.tasks, base, task.targets)[1]
     null_space = np.linalg.svd(jacobian)[2][..., task.rows :, :].swapaxes(-1, -2)
-    for i in range(1, base.shape[1]):  # parallel transport: each basis is as near as possible to the basis before
+    for i in range(1, base.shape[1]):  # parallel transport: each basis is as near as possible to the previous one
         left, _, right = np.linalg.svd(np.swapaxes(null_space[:, i], -1, -2) @ null_space[:, i - 1])
         null_space[:, i] = null_space[:, i] @ (left @ right)
     if task.cyclic:  # bases are turned evenly over time so that they close with the motion

@@ -44,11 +44,11 @@ from paretoik.task.path import Path
 # Orientation errors of a frame relative to a desired rotation, in components (expressions or numbers)
 
 
-SINE_TOLERANCE = 1e-12  # sine of a rotation below which its axis is only rounding
+SINE_TOLERANCE = 1e-12  # sine of a rotation's angle below which its axis is only rounding error
 
 
 def axis_times_sine(axes: str, between: Matrix) -> Vector:
-    """Return axis · sin(angle) of a rotation; for "xyz+z-axis" the smallest that moves z equally."""
+    """Return axis · sin(angle) of a rotation; for "xyz+z-axis", of the smallest rotation with the same z axis."""
     (_, xy, xz), (yx, _, yz), (zx, zy, _) = between
     if axes == "xyz+z-axis":
         return zy, times(-1.0, zx), 0.0
@@ -56,7 +56,7 @@ def axis_times_sine(axes: str, between: Matrix) -> Vector:
 
 
 def orientation_error(axes: str, rotation: Matrix, desired: Matrix) -> Vector:
-    """Return the rotation vector of RᵀR_d; for "xyz+z-axis" the smallest that takes z to z_d."""
+    """Return the rotation vector of RᵀR_d; for "xyz+z-axis", of the smallest rotation from z to z_d."""
     between = multiply(transpose(rotation), desired)
     if axes == "xyz+z-axis":
         x, y, z = transpose(between)[2]
@@ -94,7 +94,7 @@ def _where(condition: Component, first: Sequence[Component], second: Sequence[Co
 
 Components: TypeAlias = Sequence[Component]
 Axes = Literal["xy", "xy+angle", "xyz", "xyz+z-axis", "pose"]
-AXES: dict[str | None, tuple[int, tuple[int, ...]]] = {  # coordinates, and entries of the rotation vector
+AXES: dict[str | None, tuple[int, tuple[int, ...]]] = {  # number of coordinates, and entries of the rotation vector
     "xy": (2, ()),
     "xy+angle": (2, (2,)),
     "xyz": (3, ()),
@@ -111,7 +111,7 @@ class Task:
     path: path of points or poses
     frame: name of a link of the URDF or of a joint, or "tool" if nothing else has this name
     axes: "xy" or "xyz" for position, "xy+angle" for position and angle in the x-y plane, "xyz+z-axis" for position and
-        direction of the frame's z axis, "pose" for all six, None for those of the path (of a planar arm in its plane)
+        direction of the frame's z axis, "pose" for all six, None for all that the path gives (in a planar arm's plane)
 
     2-D points are for planar arms, and for arms in space whose frame keeps its height. Position errors are in m in
     world axes; orientation errors are the rotation vector [rad] of RᵀR_d. Raises InvalidInput for unknown axes, or axes
@@ -129,8 +129,8 @@ class Task:
             return
         check_choice("axes", self.axes, AXES)
         if self.has_orientation and self.path.quaternions is None:
-            hint = "pk.line(pk.Pose.from_rpy(xyz, rpy), ...) is one of poses"
-            raise InvalidInput(f"path must be one of poses for axes {shown(self.axes)}, got one of points; {hint}")
+            hint = "pk.line(pk.Pose.from_rpy(xyz, rpy), ...) has poses"
+            raise InvalidInput(f"path must have poses for axes {shown(self.axes)}, got points; {hint}")
         if self.axes == "xyz" and self.path.positions.shape[-1] == 2:
             raise InvalidInput("path must have 3-D points for axes 'xyz', got 2-D ones; axes='xy' leaves z free")
 
@@ -145,7 +145,7 @@ class Task:
         oriented = self.path.quaternions is not None
         flat = self.axes is None and not arm.is_planar and self.path.positions.shape[-1] == 2
         if flat:
-            # no joint moves the frame up or down at four postures; the tolerance allows for a URDF's rounded angles
+            # the frame has one height at four postures; the tolerance allows for a URDF's rounded angles
             q = np.sin(np.arange(1.0, 4.0 * arm.dof + 1.0)).reshape(4, arm.dof) * joint_scales(arm)
             if np.ptp(arm.pose(q, frame=self.frame).position[:, 2]) <= 1e-4 * characteristic_length(arm):
                 return replace(self, axes="xy")
@@ -191,7 +191,7 @@ class Task:
         return self.position_rows + 3 * self.has_orientation
 
     def targets(self, t: Times) -> Float[np.ndarray, "time numbers"]:
-        """Return positions at times t [s], with orientation also rotation matrices row by row."""
+        """Return positions at times t [s], then, if the task has orientation, rotation matrices row by row."""
         positions, quaternions = self.path.at(t)
         columns = [positions[:, : self.position_rows]]
         if quaternions is not None and self.has_orientation:
@@ -333,7 +333,7 @@ def _over_tasks(
 @lru_cache(maxsize=64)
 def frame_of(arm: Arm, name: str) -> Frame:
     """Return a frame of an arm, from a cache."""
-    return arm.frame(name)  # a slow search, and retraction needs it a thousand times
+    return arm.frame(name)  # this search is slow, and retraction repeats it a thousand times
 
 
 def _cross_matrices(vectors: Float[np.ndarray, "time 3"]) -> Float[np.ndarray, "time 3 3"]:

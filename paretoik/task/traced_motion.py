@@ -1,8 +1,8 @@
-"""A motion of expressions, from which functions get exact derivatives.
+"""A motion of expressions, which gives exact derivatives of functions.
 
 An objective is one NumPy function. A call with a ``TracedMotion`` records its computation, from which exact
 derivatives of any order follow. Most functions depend on one sample at a time: position, velocity, acceleration and
-jerk of a sample give one value. They are traced once for all samples; the others with all samples as inputs.
+jerk of a sample give one value. They are traced once for all samples; others are traced with all samples as inputs.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class TracedMotion:
     Functions get this motion when derivatives are taken.
     """
 
-    task: Any  # MotionTask, or a stand-in for one
+    task: Any  # MotionTask, or an object with the same attributes
     trace: Trace
     q: TracedArray
     dq: TracedArray
@@ -141,7 +141,7 @@ class TracedMotion:
 
     @cached_property
     def manipulability(self) -> TracedArray:
-        """As ``Motion.manipulability``, but without a kink. Values are cut off only if rounding makes them negative."""
+        """As ``Motion.manipulability``, but without its clip at 0, a kink that matters only for rounding errors."""
 
         def entries(q: list[Component], *_: object) -> list[Component]:
             if self.tasks:
@@ -227,7 +227,7 @@ def trace_sample(
 
     scales: divisors of the inputs, which are joints and their rates
     duration: divisor of means over time [s], None for the task's duration
-    own_times: whether motions have only the task's arm and number of samples; the duration is then the last input
+    own_times: whether motions have their own times and follow no task; the duration is then the last input
 
     The sample is for functions that depend on one sample at a time.
     """
@@ -236,7 +236,7 @@ def trace_sample(
 
 
 def trace_sample_again(motion: TracedMotion, scales: Float[np.ndarray, " dof"] | float = 1.0) -> TracedMotion:
-    """Return one sample of another motion of the task. It is on the same tape and has its own inputs."""
+    """Return one sample of another motion of the task, on the same tape and with its own inputs."""
     return _trace_inputs(motion.task, motion.trace, (), scales, motion.seconds, None)
 
 
@@ -260,7 +260,7 @@ def _trace_inputs(
     seconds: float | None,
     steps: tuple[int, ...] | None,
 ) -> TracedMotion:
-    """Return a motion of new inputs: joints and rates of a ``shape``, then its ``steps``, if any."""
+    """Return a motion of new inputs: joints and their rates of this ``shape``, then ``steps``, if any."""
 
     def inputs(factor: Any, *size: int) -> TracedArray:
         return TracedArray(trace, (factor * trace.inputs(*size)).entries, shared=True)
@@ -274,7 +274,7 @@ def _trace_inputs(
 def trace_motion_function(
     motion: TracedMotion, name: str, function: Callable[[Any], Any], form: str
 ) -> list[Expression | float]:
-    """Return the value of a function of a whole motion, or one per sample of a series.
+    """Return the value of a function of a whole motion, or one value per sample if it returns a series.
 
     Raises InvalidInput if it has no derivative, EvaluationFailed if it raises.
     """
@@ -301,7 +301,7 @@ def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[A
             return Expression(tape, as_entry(tape, array.entries))
         if isinstance(array, np.ndarray) and array.shape in ((), (motion.trace.samples,)):
             return motion.trace.parameter(array) if array.ndim else float(array)
-        raise InvalidInput(f"must return one number a sample where derivatives are taken, got shape {array.shape}")
+        raise InvalidInput(f"must return one number per sample where derivatives are taken, got shape {array.shape}")
     except NotLocal:
         return None
     except InvalidInput as error:

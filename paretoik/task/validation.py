@@ -33,7 +33,7 @@ from paretoik.task.path import Path
 from paretoik.task.retraction import row_scales, task_errors
 from paretoik.task.task import Task, row_units
 
-START_TOLERANCE = 1e-6  # share of the arm's length, and rad: a start nearer than this is moved onto the path
+START_TOLERANCE = 1e-6  # share of the arm's length, and rad: largest distance of a start from the path
 
 
 def motion_task(
@@ -72,7 +72,7 @@ def motion_task(
     if lacks_masses(arm):
         for kind in ("torque", "power"):
             if getattr(given, kind) is not None and np.isfinite(given.bounds(arm, 3).get(kind, np.inf)).any():
-                raise InvalidInput(f"{kind} limit: the arm must have masses, got {arm.name}, which has links without")
+                raise InvalidInput(f"{kind} limit: the arm must have masses, got {arm.name}, which has massless links")
         bounds.pop("torque", None)  # the arm's own limit is left out: torques are unknown without masses
     task = MotionTask(
         arm=arm,
@@ -95,14 +95,14 @@ def motion_task(
 
 
 def _check_plane(arm: Arm, task: Task) -> None:
-    """Raise InvalidInput if a path without axes leaves a planar arm's plane; poses may have z = 0."""
+    """Raise InvalidInput if a path without axes leaves a planar arm's plane. Poses with z = 0 are accepted."""
     if not arm.is_planar:
         return
     normal, largest_tilt = arm.base.rotation[:, 2], 1e-4  # rad: twice the error of angles with four decimals
     if abs(normal[2]) < largest_tilt:
         raise InvalidInput(
-            f"path: the arm's plane must not be vertical, as x and y lead it, got {arm.name} in one with the "
-            f"normal ({_coordinates(normal)}); a level one with mounted(gravity=(0, -9.81, 0)) weighs the same"
+            f"path: the plane of {arm.name} must not be vertical, as paths are in x and y, got the normal "
+            f"({_coordinates(normal)}); a horizontal one with mounted(gravity=(0, -9.81, 0)) has the same torques"
         )
     path, points = task.path, task.path.positions
     if task.axes is not None or points.shape[1] == 2:
@@ -116,9 +116,9 @@ def _check_plane(arm: Arm, task: Task) -> None:
         plane = f"the plane of {arm.name}, {through}"
     wish = f"path must have {'points' if path.quaternions is None else 'poses'} in {plane}"
     if path.quaternions is not None:
-        # Poses must be the frame turned about the normal of the plane. The tilt is the rotation RᵀR_d without its part
+        # Poses must be the frame, turned about the normal of the plane. The tilt is the rotation RᵀR_d without its part
         # about the normal (swing and twist). The angle of "xy+angle" is about the z axis of the frame, which must not
-        # be in the plane
+        # be in the plane.
         axis = frame.rotation.T @ arm.base.rotation[:, 2]
         relative = matrix_to_quaternion(frame.rotation.T @ quaternion_to_matrix(path.quaternions))
         twist = relative[:, 1:] @ axis
@@ -127,7 +127,7 @@ def _check_plane(arm: Arm, task: Task) -> None:
         if tilt > largest_tilt:
             raise InvalidInput(f"{wish}, or axes='xy', got a pose tilted by {tilt:.3g} rad")
         if abs(axis[2]) < largest_tilt:
-            raise InvalidInput(f"{wish}, with a z axis that leaves it, or axes='xy', got poses whose z axis lies in it")
+            raise InvalidInput(f"{wish}, with z axes that are not in it, or axes='xy', got z axes in it")
     distance = (points - frame.position) @ (np.sign(normal[2]) * normal)
     at_zero = path.quaternions is not None and is_level and np.abs(points[:, 2]).max() <= tolerance
     if not at_zero and np.abs(distance).max() > tolerance:
@@ -197,7 +197,7 @@ def _check_decorated(kind: str, members: Sequence[Objective] | Sequence[Constrai
 
 
 def lacks_masses(arm: Arm) -> bool:
-    """Return whether no link has mass, or for a URDF whether a link has none."""
+    """Return whether no link has mass, or whether a link of a URDF before the last has none."""
     masses = [body.mass for body in arm.bodies]
     return not any(masses) or (arm.source is not None and not all(masses[:-1]))
 
@@ -217,14 +217,14 @@ def _check_functions_without_masses(task: MotionTask) -> None:
                 continue
             if np.isnan(values).all():
                 raise InvalidInput(
-                    f"{kind} {member.name}: the arm must have masses, got {task.arm.name}, which has links without"
+                    f"{kind} {member.name}: the arm must have masses, got {task.arm.name}, which has massless links"
                 )
 
 
 def with_ends(
     task: MotionTask, *, start: object = "free", end_velocity: float | None = None, cyclic: bool = False
 ) -> MotionTask:
-    """Return the task with a start [rad, m] or a free one, and an end that is free, at rest or the start.
+    """Return the task with a given [rad, m] or free start, and an end that is free, at rest or equal to the start.
 
     Raises InvalidInput for an impossible end, and if the start is off the first sample or beyond limits.
     """

@@ -126,7 +126,7 @@ def test_a_loop_that_is_blocked_says_so_in_its_run(tmp_path):
         population=8,
         generations=3,
     )
-    with pytest.raises(pk.Infeasible, match=r"step \d+ .*: there must be a free configuration, none found; the arm is"):
+    with pytest.raises(pk.Infeasible, match=r"step \d+ .*: .* an admissible configuration, got none; the arm is"):
         pk.solve(loop, out=tmp_path / "run")
     assert "obstacle 1 of 1" in json.loads((tmp_path / "run" / "run.json").read_text())["reason"]
 

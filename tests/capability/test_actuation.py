@@ -46,7 +46,7 @@ def test_motors_of_an_arm_are_its_own_limits():
     ("make", "said"),
     [
         (lambda: MotorCurve(stall=[1.0, 0.0], fastest=[1.0, 1.0]), "stall must be positive numbers"),
-        (lambda: MotorCurve(stall=[1.0, 1.0], fastest=[1.0]), "fastest must be 2, one for each stall, got 1"),
+        (lambda: MotorCurve(stall=[1.0, 1.0], fastest=[1.0]), "fastest must be 2 numbers, one per stall, got 1"),
         (lambda: JointActuation(motors=[1.0]), "motors must be a MotorCurve"),
         (lambda: MotorCurve(stall=1.0, fastest=1.0, shape="round"), "shape must be one of diamond"),
         (lambda: sliders(back_bounds=(0.0, 0.03)), "back bounds must be 0 < lower ≤ upper"),

@@ -105,7 +105,7 @@ def test_turning_arm_gravity_position_and_directions_changes_nothing(seed):
 @pytest.mark.parametrize(
     ("position", "payload", "error", "said"),
     [
-        ([0.4, -0.15], 0.0, OutOfReach, "0.4272001873 m from the first joint, the arm reaches from 0 m to 0.357 m"),
+        ([0.4, -0.15], 0.0, OutOfReach, "0.4272001873 m from the first joint; the arm reaches from 0 m to 0.357 m"),
         ([0.2, -0.15], 20.0, Infeasible, "joint2 must bear a torque of at most 3.5 N m"),
     ],
 )

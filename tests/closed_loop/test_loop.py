@@ -39,7 +39,7 @@ def test_a_refusal_says_how_much_farther_joints_would_have_to_move():
             return str(error)
         return ""
 
-    times = re.search(r"at least (\S+) times as far as they may: joint\d", refusal(1e-3))
+    times = re.search(r"at least (\S+) times as far as allowed: joint\d", refusal(1e-3))
     assert times is not None
     least = 1e-3 * float(times.group(1))
     assert "times as far" not in refusal(1.01 * least)

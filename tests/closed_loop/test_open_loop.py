@@ -67,5 +67,5 @@ def test_a_search_without_a_clear_posture_says_so():
     sides = [((0.5, 0.0), (0.1, 0.6)), ((-0.5, 0.0), (0.1, 0.6)), ((0.0, 0.5), (0.6, 0.1)), ((0.0, -0.5), (0.6, 0.1))]
     walls = [Box(center, sizes) for center, sizes in sides]  # all around the base, nearer than a link's length
     loop = ClosedLoop(marcos_nr(3), marcos_2012.round_trip(0.7, 4), obstacles=walls)
-    with pytest.raises(Infeasible, match="start must be a posture clear of the obstacles, none of 12000"):
+    with pytest.raises(Infeasible, match="start must be a posture clear of the obstacles, got none of 12000"):
         search_start(loop.task, options=SMALL)

@@ -133,7 +133,7 @@ def test_limits_that_damping_keeps_the_step_away_from_are_named_too(velocity):
 
 def test_a_joint_past_its_limit_is_refused_or_returns():
     limits = Limits(position=([-3.0, 0.4, -3.0], [3.0, 3.0, 3.0]), velocity=2.0, acceleration=50.0)
-    with pytest.raises(InvalidInput, match=r"start: joints must be .* for ConstrainedQP, got joint2 0.073 past one"):
+    with pytest.raises(InvalidInput, match=r"start: joints must be .* for ConstrainedQP, got joint2 0.073 beyond;"):
         down(limits)
     motion = down(limits, unreachable="track")
     assert motion.q[-1, 1] >= 0.4 - 1e-9

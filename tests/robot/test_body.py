@@ -71,7 +71,7 @@ DH = {"a": [0.1, 0.2], "alpha": [0.0, 1.0], "d": [0.0, 0.1], "theta": [0.0, 0.0]
         (lambda: Arm.from_dh(**{**DH, "a": [0.1]}), "a, alpha, d and theta must .* per joint, got 1, 2, 2, 2 values"),
         (lambda: Arm.from_dh(**DH, types=["revolute", "planar"]), "types must be one of"),
         (lambda: Arm.from_dh(**DH, masses=[1.0, 1.0], centers=np.zeros((1, 3))), "inertias must have shapes"),
-        (lambda: tringali_3r().fixed(joint1=0, joint2=0, joint3=0), "must be one of several that move, got the last"),
+        (lambda: tringali_3r().fixed(joint1=0, joint2=0, joint3=0), "must be one of several moving joints, got the"),
         (lambda: tringali_3r().with_payload(1.0, inertia=np.diag([1.0, 1.0, 3.0])), "triangle inequality"),
     ],
 )

@@ -138,5 +138,5 @@ def test_a_batch_of_poses_composes_inverts_and_acts_as_each_of_them_does(seed):
         same(batch.inverse()[i], one.inverse())
         np.testing.assert_allclose(batch.apply(points)[i], one.apply(points[i]), atol=1e-12)
         np.testing.assert_allclose(shared[i], one.apply(tool.position), atol=1e-12)
-    with pytest.raises(InvalidInput, match=r"points must be one, or one for each of \(4,\) poses, got shape \(3, 3\)"):
+    with pytest.raises(InvalidInput, match=r"points must have shape \(3,\) or \(4, 3\), one per pose, got \(3, 3\)"):
         batch.apply(points[:3])

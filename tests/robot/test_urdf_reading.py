@@ -24,7 +24,7 @@ FAULTS = {
     "indefinite inertia": (moments(1, 1, 1, xy=2), "line 4: link 'b': inertia must be positive"),
     "triangle": (
         moments(1, 1, 3),
-        "line 4: link 'b': inertia must keep the triangle inequality, got principal moments 1, 1 ",
+        "line 4: link 'b': inertia must satisfy the triangle inequality, got principal moments 1, 1 ",
     ),
     "origin": (massed(MASS + '<origin xyz="0 0"/>'), "line 4: link 'b': origin xyz must be 3 numbers, got '0 0'"),
     "zero axis": (limited(LIMIT + '<axis xyz="0 0 0"/>'), "line 5: joint 'j': axis must not be zero, got 0 0 0"),
@@ -53,7 +53,7 @@ FAULTS = {
     ),
     "two links of a name": (
         robot(more='<link name="a"/>'),
-        "line 6: link 'a': name must be its own, got that of line 3",
+        "line 6: link 'a': name must be unique, got that of line 3",
     ),
     "unknown parent": (
         jointed('<parent link="x"/><child link="b"/>' + LIMIT),

@@ -166,7 +166,7 @@ def test_a_stretched_arm_has_no_velocity_and_says_so():
     arm = Arm.planar(lengths=[0.5, 0.5, 0.5])
     out = line([1.5, 0.0], [1.4, 0.0], duration=1.0, samples=3)
     moving = Motion(arm=arm, time=out.times, q=np.zeros((3, 3)), tasks=(Task(out).resolve_axes(arm),))
-    with pytest.raises(Infeasible, match="at 0 s it meets a singularity of its tasks and has no direction"):
+    with pytest.raises(Infeasible, match="at 0 s it meets a singularity of its tasks"):
         moving.state(0.0)
 
 

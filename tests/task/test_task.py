@@ -169,7 +169,7 @@ def test_errors_of_several_tasks_stand_one_below_the_other():
     ("path", "axes", "words"),
     [
         (POSES, "xz", r"axes must be one of xy, xy\+angle, xyz, xyz\+z-axis, pose, got 'xz'"),
-        (POINTS_3D, "pose", "path must be one of poses for axes 'pose', got one of points"),
+        (POINTS_3D, "pose", "path must have poses for axes 'pose', got points"),
         (POINTS_2D, "xyz", "path must have 3-D points for axes 'xyz', got 2-D ones; axes='xy' leaves z free"),
     ],
 )

@@ -157,7 +157,7 @@ def test_what_looks_from_one_sample_at_another_has_no_local_value(function):
     [
         (lambda motion: np.abs(np.fft.fft(motion.q[..., 0])), "np.fft.fft has no derivative here"),
         (lambda motion: motion.torques, "motion.torques must be a field of motions, got none; did you mean 'torque'"),
-        (lambda motion: motion.q, r"must return one number a sample .*, got shape \(17, 4\)"),
+        (lambda motion: motion.q, r"must return one number per sample .*, got shape \(17, 4\)"),
     ],
 )
 def test_what_cannot_be_traced_is_refused_by_name_in_one_line(function, words):
