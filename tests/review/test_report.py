@@ -226,19 +226,6 @@ def test_directions_of_a_postures_front_are_arrows(front):
     assert [(each["axis"], each["along"]) for each in described["arm"]["arrows"]] == [(0, [1.0, 0.0]), (1, [0.0, 1.0])]
 
 
-def test_the_points_of_a_page_are_the_marked_ones_and_then_always_the_farthest(make_front):
-    front = make_front(3, points=20)
-    marked = set(Report(front=front, title="t").marks)
-    for count in (len(marked), len(marked) + 7):
-        table = page(front, options=ReportOptions(points=count)).table
-        rows = set(np.flatnonzero(np.isin(front.ids, list(table))))
-        assert marked <= rows
-        assert len(rows) == count
-        distance = np.linalg.norm(front.shares[:, None] - front.shares[sorted(rows)], axis=2).min(axis=1)
-        (added,) = set(page(front, options=ReportOptions(points=count + 1)).table) - set(table)
-        assert distance[front.ids == added] == pytest.approx(distance.max())
-
-
 def test_thousands_of_points_fit_into_five_megabytes_with_the_list_of_what_is_left_out(problem):
     front = long_front(problem, count=2100, samples=101)
     text = Report(front=front, title="t").page()

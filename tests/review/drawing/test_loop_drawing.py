@@ -7,7 +7,6 @@ import pytest
 import rerun as rr
 
 from paretoik.review.drawing.step_drawing import StepScene
-from paretoik.review.palette import MARKS, SCREEN
 from paretoik.review.recording.recorder import SearchedFront, SearchedStep
 from tests.review.conftest import swinging_arm
 from tests.review.reading import last_text, read, rows, static_words
@@ -76,14 +75,3 @@ def test_individuals_outside_the_axes_of_a_front_of_one_point_are_counted(tmp_pa
     assert "1 point on its front" in words
     assert "5 of 6 individuals are outside the axes, which show the region around the front." in words
     assert "outside the axes" not in last_text(entities["/step_7/text"], "generation", 1)
-
-
-def test_the_target_of_the_tool_is_visible_around_a_tool_at_the_target(tmp_path):
-    scene, entities = recorded(step([TRADE_OFF], 0.5), tmp_path / "step.rrd")
-    (ring,) = rows(entities["/step_7/arm/place"], "generation", "strips")[0]
-    middle = scene._drawing.stage.place(scene.step.target)
-    radii = np.linalg.norm(np.array(ring) - middle, axis=1)
-    np.testing.assert_allclose(radii, MARKS.target_ring, rtol=1e-3)
-    assert MARKS.target_ring - 1.2 > 1.875 * MARKS.solid_arm  # the radius of the tool
-    assert ("target of the tool", SCREEN.path) in scene._legend.entries
-    assert "path to follow" not in legend(entities)  # there is none

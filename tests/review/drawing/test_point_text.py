@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-import rerun as rr
 
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.review.drawing.point_text import point_text, step_text, text_of
-from paretoik.review.drawing.scatter import Scatter
 from paretoik.review.drawing.search_drawing import search_charts
 from paretoik.review.recording.messages import RecordedPoint
 from paretoik.review.recording.recorder import Generation, SearchedFront
 from paretoik.review.words import run_text
-from tests.review.reading import read, rows
 
 
 def scene(timeline: str = "generation") -> SearchedFront:
@@ -42,27 +37,6 @@ def test_one_point_is_counted_in_the_singular(timeline):
     words = (step_text if chosen is not None else text_of)(scene(timeline), generation([[1.0, 2.0]], chosen=chosen))
     assert "1 point on " in words
     assert "1 points" not in words
-
-
-def chosen_place(steps: SearchedFront, step: Generation, file: Path) -> np.ndarray:
-    """Return the place of a step's chosen point."""
-    stream = rr.RecordingStream("step")
-    stream.save(file)
-    stream.set_time("step", sequence=step.number)
-    Scatter(scene=steps, shown=step.front).log_generation(stream, step)
-    stream.disconnect()
-    return rows(read(file)["/front/energy\\ -\\ reach/chosen"], "step", "positions")[step.number][0]
-
-
-def test_the_only_point_of_a_step_is_in_the_middle_with_a_note_that_it_has_no_range(tmp_path):
-    steps, one = scene("step"), generation([[1.0, 2.0]], chosen=np.array([1.0, 2.0]))
-    assert "no range" in step_text(steps, one)
-    several = generation([[1.0, 2.0], [2.0, 3.0]], chosen=np.array([1.0, 2.0]))
-    assert "no range" not in step_text(steps, several)
-    place = Scatter(scene=steps, shown=one.front).panels[0].canvas.place
-    np.testing.assert_allclose(chosen_place(steps, one, tmp_path / "one.rrd"), place(np.array([0.5, 0.5])), rtol=1e-5)
-    corner = place(np.array([0.0, 0.0]))
-    np.testing.assert_allclose(chosen_place(steps, several, tmp_path / "several.rrd"), corner, rtol=1e-5)
 
 
 def test_numbers_of_a_generation_have_their_units():

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik.formulations.protocol import Timeline
-from paretoik.front.hypervolume import HypervolumeCurve, HypervolumeOptions, estimate_hypervolume, hypervolume
+from paretoik.front.hypervolume import HypervolumeCurve, HypervolumeOptions, hypervolume
 from paretoik.review.drawing.search_drawing import FrontReduction, search_entries
 from paretoik.review.recording.recorder import Generation, SearchedFront
 
@@ -81,12 +81,3 @@ def test_hypervolumes_that_take_more_than_their_share_of_the_time_are_left_out()
     reduction._hypervolume = HypervolumeCurve(HypervolumeOptions(share=1e-9))
     large = generation(sphere(4000, 4), reference=np.full(4, 3.0))
     assert [reduction.reduce(large).hypervolume is None for _ in range(4)] == [False, False, True, True]
-
-
-def test_the_hypervolume_of_seven_objectives_is_an_estimate(monkeypatch):
-    import moocore
-
-    monkeypatch.delattr(moocore, "hypervolume")
-    front = sphere(1000, 7)
-    kept = FrontReduction(maximised=(False,) * 7, points=20).reduce(generation(front, reference=np.full(7, 2.2)))
-    assert kept.hypervolume == pytest.approx(estimate_hypervolume(front, np.full(7, 2.2), np.full(7, 1.2)), rel=0.02)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import shutil
-import subprocess
 import time
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,20 +25,11 @@ FLAGS = (
     "--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
     "--disable-component-update --disable-sync --window-size=1280,1400"
 )
-OVERLAPS = """
-const boxes = [...document.querySelectorAll(arguments[0] + " text")].filter((text) => text.textContent.trim())
-  .map((text) => [text.textContent, text.getBoundingClientRect()]).filter(([, box]) => box.width > 0);
-return boxes.map(([text, box]) => [text, box.left, box.top, box.right, box.bottom]);
-"""
 
 CURVES = "return document.getElementById('curves').data.map((each) => Array.from(each.y))"
 SHOWN = """
 const lines = [...document.querySelectorAll("#points tbody tr")];
 return lines.filter((line) => !line.hidden).map((line) => +line.dataset.id);
-"""
-CLIPBOARD = """
-const done = arguments[arguments.length - 1];
-navigator.clipboard.readText().then(done, (error) => done(String(error)));
 """
 RANGES = """
 const layout = document.getElementById(arguments[0])._fullLayout;
@@ -233,17 +221,6 @@ def test_filtering_hides_points_in_picture_and_table(opened, front):
     assert browser.text("count").startswith("9 of 9")
 
 
-def test_an_id_copies_on_click(opened, front):
-    browser = opened(front)
-    browser.driver.execute_cdp_cmd(
-        "Browser.grantPermissions", {"permissions": ["clipboardReadWrite", "clipboardSanitizedWrite"]}
-    )
-    button = browser(f"return document.querySelector('button[data-copy=\"{front.ids[4]}\"]')")
-    button.click()
-    browser.wait("document.querySelector('button.copied')")
-    assert browser.driver.execute_async_script(CLIPBOARD) == str(front.ids[4])
-
-
 def test_the_arm_moves_along_its_motion(opened, front):
     browser = opened(front)
     first = np.array(browser(NODES))
@@ -274,20 +251,6 @@ def test_a_page_requests_nothing_and_scripts_in_names_do_not_run(opened, front):
     assert browser("return document.images.length") == 0
     asked = {address for address in browser.requests() if not address.startswith(("data:", "blob:"))}
     assert asked == {browser.driver.current_url}
-
-
-def test_a_page_prints_without_its_controls(opened, front, tmp_path):
-    if shutil.which("pdftotext") is None:
-        pytest.skip("no pdftotext")
-    browser = opened(front)
-    printed = browser.driver.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})
-    file = Path(tmp_path / "report.pdf")
-    file.write_bytes(base64.b64decode(printed["data"]))
-    words = subprocess.run(["pdftotext", "-layout", file, "-"], capture_output=True, text=True, check=True).stdout
-    assert "kinetic_energy [J s]" in words
-    assert all(f"{number}" in words for number in front.ids)
-    assert not any(word in words for word in ("show all", "at least", "copy id"))
-    assert 2 <= words.count("\f") <= 5
 
 
 def test_a_page_without_a_feasible_motion_shows_the_nearest_as_no_point_of_a_front(opened, front):
