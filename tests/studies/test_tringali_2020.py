@@ -17,14 +17,12 @@ from studies.reporting import REPORTED
 from studies.tringali_2020 import __main__ as command
 from studies.tringali_2020 import trade_off
 from studies.tringali_2020.masses import PLACES, Prototype
-from studies.tringali_2020.pictures import draw
 from studies.tringali_2020.published import SearchOptions, published_rows
 from studies.tringali_2020.simulations import as_printed, paper, with_arm
 from studies.tringali_2020.trade_off import sweep
-from studies.tringali_2020.validation import bound_row, match_optima
+from studies.tringali_2020.validation import bound_row
 
 FEW = SearchOptions(configurations=4)
-FIGURES = (1, 3, 4, 5, 10, 11, 14)  # those of simulations 1 and 4, and those without a simulation
 
 
 @dataclass
@@ -50,14 +48,6 @@ def study():
         patch.setattr(command, "bound_row", lambda simulation, **_: bound_row(simulation, resolution=0.06))
         patch.setattr(command, "published_rows", lambda one, executor: published_rows(one, options=FEW))
         return Study(*command.run_study(starts=12, points=3, candidates=300, seeds=2, rehearsed=False))
-
-
-@pytest.fixture(scope="module")
-def pictures(study, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("pictures") / "made"
-    names = match_optima(study.simulations["fitted"][0])
-    some = {"fitted": [study.simulations["fitted"][k] for k in (0, 3)]}
-    return draw(folder, some, study.falling[:1], study.trades[:1], names)
 
 
 def reported():
@@ -184,10 +174,6 @@ def test_epsilon_as_an_equality_holds_and_never_beats_the_inequality(study):
     assert below[0, 1] <= level + 1e-8
     assert equal[0, 1] == pytest.approx(level, rel=1e-7)
     assert below[0, 0] <= equal[0, 0] * (1 + 1e-7)
-
-
-def test_a_picture_of_every_figure_that_has_something_to_show_is_written(pictures):
-    assert sorted(file.name for file in pictures) == [f"figure_{number:02d}_fitted.png" for number in FIGURES]
 
 
 @settings(max_examples=30)
