@@ -65,8 +65,3 @@ def test_stored_runs_are_not_repeated_and_new_runs_are_stored_at_once():
         )
     assert results == {("key",): [0, -1, 4]}
     assert stored == {("key", 0): 0, ("key", 1): -1, ("key", 2): 4}
-
-
-def test_an_address_where_no_scheduler_can_be_is_refused_in_a_line():
-    with pytest.raises(SystemExit, match="cluster must be the address of a Dask"), processes.workers_of("localhost"):
-        pass

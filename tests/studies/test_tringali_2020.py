@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import csv
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from paretoik.robot.arms import TRINGALI_MASSES
 from problems import tringali_2020
 from studies.reporting import REPORTED
 from studies.tringali_2020 import __main__ as command
-from studies.tringali_2020 import trade_off
 from studies.tringali_2020.masses import PLACES, Prototype
 from studies.tringali_2020.published import SearchOptions, published_rows
 from studies.tringali_2020.simulations import as_printed, paper, with_arm
@@ -174,17 +170,6 @@ def test_epsilon_as_an_equality_holds_and_never_beats_the_inequality(study):
     assert below[0, 1] <= level + 1e-8
     assert equal[0, 1] == pytest.approx(level, rel=1e-7)
     assert below[0, 0] <= equal[0, 0] * (1 + 1e-7)
-
-
-@settings(max_examples=30)
-@given(
-    st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1)), min_size=1, max_size=12, unique=True), st.floats(0.01, 0.99)
-)
-def test_weights_find_points_on_the_hull(points, weight):
-    shares = np.array(sorted(points))
-    front = SimpleNamespace(shares=shares)
-    worth = shares @ [weight, 1 - weight]
-    assert worth[trade_off.hull(front)].min() == pytest.approx(worth.min(), abs=1e-12)
 
 
 def test_fitted_masses_fit_and_each_of_them_matters():

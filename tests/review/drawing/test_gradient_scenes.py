@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.front.preferences.knee_and_compromise import compromise
 from paretoik.review.drawing.choice_layer import RecordedRun, recording_with_choice
 from tests.review.reading import (
     FRAME,
@@ -175,25 +174,6 @@ def test_an_epsilon_front_has_all_entities_at_every_level(fronts):
     assert bounded
     assert bounded.items() <= dict(zip(front.names, front.units, strict=True)).items()
     assert "● ε: bound of this level" in static_words(entities["/legend/words"])
-
-
-def test_points_of_a_level_are_named_by_it_because_the_final_front_renumbers(fronts):
-    folder, front, _, _ = fronts
-    entities = read(folder / "front" / "review.rrd")
-    texts = rows(entities["/text"], "level", "text")
-    names = rows(entities[f"{PANEL}/chosen"], "level", "labels")
-    beside = rows(entities[f"{PANEL}/chosen/name"], "level", "labels")
-    assert {level: str(words[0]).split("\n")[0] for level, words in beside.items()} == {
-        level: str(words[0]) for level, words in names.items()
-    }
-    ends = rows(entities[f"{PANEL}/ends"], "level", "labels")
-    last = max(names)
-    assert names[last].tolist() == [f"point {compromise(front).id}"]
-    for level in set(names) - {last}:
-        (name,) = names[level].tolist()
-        assert name.endswith(f" of level {level}")
-        assert all(f" of level {level}, best " in str(each) for each in ends[level])
-        assert f"{name} (the final front renumbers its points)" in str(texts[level][0])
 
 
 def test_a_refinement_shows_before_and_after_and_where_points_came_from(fronts):

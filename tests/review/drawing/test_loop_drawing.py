@@ -13,7 +13,6 @@ from tests.review.reading import last_text, read, rows, static_words
 
 LOOP = SearchedFront(names=("displacement", "share"), units=("rad", ""), maximised=(False, False), timeline="step")
 TRADE_OFF = np.stack([np.linspace(0.0, 1.0, 6), np.linspace(1.0, 0.0, 6)], axis=1)
-BEHIND = np.array([[0.0, 1.0], [1.0, 0.0], [0.4, 0.4], [0.7, 0.8], [0.8, 0.8], [5.0, 5.0]])
 
 
 def step(objectives, reach: float, *, planar: bool = True) -> SearchedStep:
@@ -58,12 +57,6 @@ def test_arms_of_the_front_are_named_if_they_are_visible_next_to_the_chosen_one(
     assert (scene.view().contents[1].contents[1].name == "arms of the front, step 7") == is_seen
     words = last_text(entities["/step_7/text"], "generation", 0)
     assert ("All arms of the front are below the white one, at most" in words) == (not is_seen)
-
-
-@pytest.mark.parametrize(("generations", "is_drawn"), [([TRADE_OFF], False), ([TRADE_OFF, BEHIND], True)])
-def test_a_population_is_in_the_legend_if_an_individual_outside_the_front_is_drawn(tmp_path, generations, is_drawn):
-    _, entities = recorded(step(generations, 0.5), tmp_path / "step.rrd")
-    assert ("population" in legend(entities)) == is_drawn
 
 
 def test_individuals_outside_the_axes_of_a_front_of_one_point_are_counted(tmp_path):

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.front.certificates import Certificates
-from paretoik.front.front import Front
-from paretoik.review.drawing.point_text import point_text, step_text, text_of
+from paretoik.review.drawing.point_text import step_text, text_of
 from paretoik.review.drawing.search_drawing import search_charts
 from paretoik.review.recording.messages import RecordedPoint
 from paretoik.review.recording.recorder import Generation, SearchedFront
@@ -49,36 +47,6 @@ def test_numbers_of_a_generation_have_their_units():
     titles = [chart.labels[1] for chart in search_charts(scene(), [both])]
     assert titles[0] == "hypervolume [J s]"
     assert titles[2] == "best reach [1] ↑"
-
-
-def certified() -> Front:
-    """Return a front of objectives with and without a unit, each point with exchange rates."""
-    rates = np.array([[[-1.0, -0.003096], [-323.0, -1.0]]] * 2)
-    return Front(
-        ids=np.arange(2),
-        objectives=np.array([[1.0, 3.0], [2.0, 2.0]]),
-        names=("energy", "distance"),
-        units=("J s", ""),
-        maximised=(False, False),
-        certificates=Certificates(
-            violation=np.zeros(2),
-            violation_between=np.zeros(2),
-            criticality=np.zeros(2),
-            weights=np.full((2, 2), 0.5),
-            exchange_rates=rates,
-            exchange_intervals=np.full((2, 2, 2, 2), np.nan),
-            status=np.array(["minimum", "minimum"]),
-        ),
-    )
-
-
-def test_a_quantity_without_a_unit_is_a_number_in_rates_and_steps():
-    words = point_text(certified(), 0, chosen=None).replace("\u00a0", " ")
-    assert "- 1 J s more of energy: -0.003096 of distance [1]\n" in words
-    assert "- 1 more of distance [1]: -323 J s of energy" in words
-    step = generation([[1.0, 2.0], [2.0, 3.0]], chosen=np.array([1.0, 2.0]))
-    assert "**reach**: chosen 2; front: 2 to 3" in step_text(scene("step"), step)
-    assert "  " not in words + step_text(scene("step"), step)
 
 
 def test_a_run_is_told_in_words():

@@ -70,12 +70,6 @@ def test_every_generation_of_an_unfinished_run_is_kept_exactly(n_obj, tmp_path, 
     check_generations(read(tmp_path / "review.rrd"), generations)
 
 
-@pytest.mark.parametrize("n_obj", [1, 3])
-def test_every_generation_is_kept_exactly(n_obj, search):
-    _, _, generations, entities = search(n_obj)
-    check_generations(entities, generations)
-
-
 def check_generations(entities, generations) -> None:
     for layer, exact in (("population", lambda g: g.population), ("front", lambda g: g.front)):
         F = rows(entities[f"/search/{layer}"], "generation", "F")

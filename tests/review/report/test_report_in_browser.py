@@ -31,10 +31,6 @@ SHOWN = """
 const lines = [...document.querySelectorAll("#points tbody tr")];
 return lines.filter((line) => !line.hidden).map((line) => +line.dataset.id);
 """
-RANGES = """
-const layout = document.getElementById(arguments[0])._fullLayout;
-return Object.keys(layout).filter((key) => /^[xy]axis/.test(key)).sort().map((key) => layout[key].range);
-"""
 NODES = """
 const nodes = [...document.querySelectorAll("#arm circle")];
 return nodes.map((node) => ["cx", "cy"].map((name) => +node.getAttribute(name)));
@@ -80,18 +76,6 @@ class Browser:
         actions.w3c_actions.pointer_action.move_to_location(*spot)
         if click:
             actions.w3c_actions.pointer_action.click()
-        actions.perform()
-
-    def drag(self, start: tuple[int, int], end: tuple[int, int]) -> None:
-        from selenium.webdriver.common.action_chains import ActionChains
-
-        actions = ActionChains(self.driver)
-        pointer = actions.w3c_actions.pointer_action
-        pointer.move_to_location(*start)
-        pointer.pointer_down()
-        pointer.move_to_location(start[0] + 20, start[1] + 20)
-        pointer.move_to_location(*end)
-        pointer.pointer_up()
         actions.perform()
 
     def requests(self) -> set[str]:
@@ -181,30 +165,6 @@ def test_a_point_without_certificate_says_so_and_the_others_show_their_rates(ope
             assert words == "Not certified at this point."
         else:
             assert words.count("0.5") == 2
-
-
-@pytest.mark.parametrize("n_obj", [2, 3])
-def test_the_zoom_stays_when_another_point_is_selected_or_points_are_filtered(opened, make_front, n_obj):
-    front = make_front(n_obj, moving=False)
-    browser = opened(front)
-    for figure in ("front", "parallel")[: 2 if n_obj > 2 else 1]:
-        whole = browser(RANGES, figure)
-        box = browser(
-            "const figure = document.getElementById(arguments[0]); figure.scrollIntoView({ block: 'center' });"
-            "const box = figure.querySelector('.nsewdrag').getBoundingClientRect();"
-            "return [box.left, box.top, box.width, box.height]",
-            figure,
-        )
-        start, end = ([round(box[k] + share * box[k + 2]) for k in (0, 1)] for share in (0.2, 0.7))
-        browser.drag(tuple(start), tuple(end))
-        deadline = time.monotonic() + 60
-        while (zoomed := browser(RANGES, figure)) == whole:
-            assert time.monotonic() < deadline
-        browser(f"document.querySelector('#points tr[data-id=\"{front.ids[4]}\"] td:nth-child(2)').click()")
-        assert browser.text("point-id") == str(front.ids[4])
-        browser("return document.querySelectorAll('#filters input')")[0].send_keys("-1000")
-        np.testing.assert_allclose(np.array(browser(RANGES, figure)), np.array(zoomed))
-        assert not np.allclose(np.array(zoomed), np.array(whole))
 
 
 def test_filtering_hides_points_in_picture_and_table(opened, front):
