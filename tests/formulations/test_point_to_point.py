@@ -85,24 +85,6 @@ def test_between_samples_motors_are_nearly_as_fast_as_they_need_to_be(problem, r
     assert fine.duration == pytest.approx(refined.objectives[:, 0], rel=0.05)
 
 
-def test_spatial_arms_are_served():
-    arm = pk.arms.wan_7r()
-    problem = pk.PointToPoint(
-        arm,
-        pk.capability.JointActuation.of(arm),
-        [0.5, 0.3, -0.2],
-        [0.4, 0.35, -0.1],
-        samples=9,
-        coefficients=4,
-        bases=4,
-        energy=False,
-    )
-    front = pk.solve(problem, population=20, generations=5, seed=0, points=2)
-    tool = kinematics.forward_kinematics(arm, front.motions.q)[1]
-    assert tool[:, -1] == pytest.approx(np.tile([0.4, 0.35, -0.1], (len(front), 1)), abs=1e-9)
-    assert (front.objectives[:, 0] > 0).all()
-
-
 @pytest.mark.usefixtures("unchecked")
 def test_impossible_motions_are_refused_by_name():
     arm, motors = pk.arms.kim_3r(), pk.capability.kim_joint_motors()

@@ -176,14 +176,6 @@ def test_motions_without_space_are_left_out_with_a_note(front):
     assert int(count) == len(front) - len(kept)
 
 
-def test_points_beyond_the_largest_number_are_left_out_with_a_note(make_front):
-    front = make_front(2, points=40)
-    read = page(front, options=ReportOptions(points=10))
-    assert len(read.table) == 10
-    assert {front.ids[0], front.ids[-1], compromise(front).id} <= set(read.table)
-    assert any(text.startswith("30 more points") for text in read.texts("p"))
-
-
 def long_front(problem, *, count: int, samples: int) -> Front:
     """Return ``count`` points with motions of noise, which compresses badly."""
     motions = problem.decode(problem.sample_starts(3, np.random.default_rng(1)))

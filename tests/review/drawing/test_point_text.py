@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from paretoik.review.drawing.point_text import step_text, text_of
+from paretoik.review.drawing.point_text import text_of
 from paretoik.review.drawing.search_drawing import search_charts
 from paretoik.review.recording.messages import RecordedPoint
 from paretoik.review.recording.recorder import Generation, SearchedFront
@@ -27,14 +26,6 @@ def test_an_empty_front_says_why_it_is_empty():
     assert "0 points on the front." in words
     assert "None of the 3 individuals satisfies all limits and constraints of the problem" in words
     assert "satisfies all limits" not in text_of(scene(), generation([[1.0, 2.0]]))
-
-
-@pytest.mark.parametrize("timeline", ["generation", "step"])
-def test_one_point_is_counted_in_the_singular(timeline):
-    chosen = np.array([1.0, 2.0]) if timeline == "step" else None
-    words = (step_text if chosen is not None else text_of)(scene(timeline), generation([[1.0, 2.0]], chosen=chosen))
-    assert "1 point on " in words
-    assert "1 points" not in words
 
 
 def test_numbers_of_a_generation_have_their_units():

@@ -13,6 +13,7 @@ from paretoik.formulations.protocol import Timeline
 from paretoik.front.hypervolume import HypervolumeCurve, HypervolumeOptions, hypervolume
 from paretoik.review.drawing.search_drawing import FrontReduction, search_entries
 from paretoik.review.recording.recorder import Generation, SearchedFront
+from tests.review.conftest import sphere
 
 
 @pytest.mark.parametrize("timeline", get_args(Timeline))
@@ -26,11 +27,6 @@ def test_no_two_things_in_the_picture_of_a_front_have_one_colour(timeline, n_obj
 
 def generation(front: np.ndarray, **settings) -> Generation:
     return Generation(number=1, population=front, front=front, front_ids=np.arange(len(front)) + 7, **settings)
-
-
-def sphere(points: int, n_obj: int, seed: int = 0) -> np.ndarray:
-    directions = np.abs(np.random.default_rng(seed).normal(size=(points, n_obj)))
-    return 2.0 - directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
 @given(seed=st.integers(0, 99))

@@ -82,14 +82,6 @@ def check_generations(entities, generations) -> None:
     assert counts[0].tolist() == [len(generations[0].front), 1.0]
 
 
-def test_the_best_value_of_each_objective_is_followed(search):
-    _, _, generations, entities = search(3)
-    lowest_energy = rows(entities["/search/best/kinetic_energy"], "generation", "scalars")
-    highest_manipulability = rows(entities["/search/best/manipulability"], "generation", "scalars")
-    assert lowest_energy[2][0] == generations[2].front[:, 0].min()
-    assert highest_manipulability[2][0] == generations[2].front[:, 2].max()
-
-
 def test_the_end_stands_on_both_timelines(search):
     front, choice, _, entities = search(2)
     for timeline, time in (("generation", 3), ("motion", 0)):

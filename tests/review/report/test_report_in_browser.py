@@ -31,6 +31,10 @@ SHOWN = """
 const lines = [...document.querySelectorAll("#points tbody tr")];
 return lines.filter((line) => !line.hidden).map((line) => +line.dataset.id);
 """
+CLIPBOARD = """
+const done = arguments[arguments.length - 1];
+navigator.clipboard.readText().then(done, (error) => done(String(error)));
+"""
 NODES = """
 const nodes = [...document.querySelectorAll("#arm circle")];
 return nodes.map((node) => ["cx", "cy"].map((name) => +node.getAttribute(name)));
@@ -179,6 +183,17 @@ def test_filtering_hides_points_in_picture_and_table(opened, front):
     ) == len(kept)
     browser("document.getElementById('show-all').click()")
     assert browser.text("count").startswith("9 of 9")
+
+
+def test_an_id_copies_on_click(opened, front):
+    browser = opened(front)
+    browser.driver.execute_cdp_cmd(
+        "Browser.grantPermissions", {"permissions": ["clipboardReadWrite", "clipboardSanitizedWrite"]}
+    )
+    button = browser(f"return document.querySelector('button[data-copy=\"{front.ids[4]}\"]')")
+    button.click()
+    browser.wait("document.querySelector('button.copied')")
+    assert browser.driver.execute_async_script(CLIPBOARD) == str(front.ids[4])
 
 
 def test_the_arm_moves_along_its_motion(opened, front):
