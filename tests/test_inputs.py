@@ -16,8 +16,6 @@ from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.inputs import (
     degrees_hint,
     finite_array,
-    likely_spelling,
-    positive_number,
     user_function,
     warn_of_odd_objectives,
 )
@@ -50,29 +48,11 @@ def test_what_is_no_array_of_finite_numbers_is_refused(value, shape, message):
         finite_array("x", value, shape)
 
 
-def test_a_number_that_is_not_positive_is_refused_with_its_unit():
-    with pytest.raises(InvalidInput, match="radius: must be positive, got 0 m"):
-        positive_number("radius", 0, "m")
-    assert positive_number("radius", 2, "m") == 2.0
-
-
 def test_angles_of_more_than_two_turns_are_taken_for_degrees():
     assert degrees_hint([2 * np.pi, -4 * np.pi, np.inf]) == ""
     assert degrees_hint([0.1, -90.0]).startswith("90 rad is 14.3 turns; if it is in degrees, convert it by np.deg2rad")
     with pytest.warns(RuntimeWarning, match=r"pose rpy: 180 rad is 28.6 turns"):
         Pose.from_rpy([0.0, 0.0, 0.0], [180.0, 0.0, 0.0])
-
-
-def test_a_name_spelt_much_like_another_is_asked_after():
-    assert likely_spelling("left_griper", ["left_gripper", "base"]) == "; did you mean 'left_gripper'?"
-    assert likely_spelling("quite_another", ["left_gripper", "base"]) == ""
-
-
-@pytest.mark.usefixtures("unchecked")
-@pytest.mark.parametrize("function", [pk.solve, pk.Tracking])
-def test_a_misspelt_argument_is_pythons_own_error(function):
-    with pytest.raises(TypeError, match="argument"):
-        function(misspelt=1)
 
 
 # An error of a user's function becomes one line, except Ctrl-C and our own errors.

@@ -171,11 +171,6 @@ def test_what_paretoik_raises_passes_through(file):
         load_problem(f"{place}:problem")
 
 
-def test_what_does_not_exist_is_refused_by_name():
-    with pytest.raises(InvalidInput, match=r"missing.*got no"):
-        load_problem("missing.py:problem")
-
-
 def test_a_file_in_a_package_is_that_packages_module_and_its_root_goes_last(file, tmp_path):
     file("wood/__init__.py", "")
     file("wood/oak.py", "n_var = 2")

@@ -1,5 +1,3 @@
-""""""
-
 from __future__ import annotations
 
 from importlib import import_module
@@ -17,19 +15,6 @@ def announce(notice: CompilationNotice) -> None:
     end_compilation()
 
 
-def test_counts_become_the_progress_of_a_stage():
-    seen: list[RunProgress] = []
-    show = count_observer(seen.append, "point")
-    show(1, 3, "2 to go")
-    show(2, 3, "1 to go")
-    assert [(one.stage, one.done, one.total, one.summary) for one in seen] == [
-        ("point", 1, 3, "2 to go"),
-        ("point", 2, 3, "1 to go"),
-    ]
-    assert 0 <= seen[0].seconds <= seen[1].seconds
-    assert seen[0].generation is None
-
-
 def test_the_time_left_counts_later_stages_once_enough_is_done(monkeypatch):
     clock = [100.0]
     monkeypatch.setattr("paretoik.progress.computing_clock", lambda: clock[0])
@@ -41,14 +26,6 @@ def test_the_time_left_counts_later_stages_once_enough_is_done(monkeypatch):
     assert [one.remaining for one in seen] == [None, 30.0, 10.0]
     count_observer(seen.append, "point")(10, 20)
     assert seen[-1].remaining is None
-
-
-def test_what_is_compiled_is_a_stage():
-    seen: list[RunProgress] = []
-    with open_observer(seen.append):
-        announce(CompilationNotice(what="the planner", seconds=40.0))
-    assert [(one.stage, one.total) for one in seen] == [("compilation", 0)]
-    assert seen[0].summary.startswith("compiling the planner")
 
 
 # By verb: the folder that it works in, its problem, its call, and its stages.
@@ -95,17 +72,6 @@ def test_a_verb_shows_what_it_compiles_and_all_its_stages(verb, monkeypatch, cap
     for stage in stages:
         last = [one for one in seen if one.stage == stage][-1]
         assert 0 < last.done <= last.total
-
-
-def test_the_starts_of_postures_are_counted():
-    problem = pk.DirectionalMaxima(
-        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), (0.1, -0.15), [[1, 0], [0, 1]], power=False
-    )
-    seen: list[RunProgress] = []
-    pk.epsilon_front(problem, points=3, starts=6, observe=seen.append)
-    counts = [(one.done, one.total, one.summary) for one in seen if one.stage == "optimum"]
-    first, second = (f"{name} ({k} of 2)" for k, name in enumerate(problem.names, 1))
-    assert counts == [(4, 6, first), (6, 6, first), (4, 6, second), (6, 6, second)]
 
 
 NOTICE = CompilationNotice(what="the planner", seconds=40.0)

@@ -154,23 +154,6 @@ def test_a_name_that_looks_like_html_stays_text(nouns):
         assert unescape(html).count("<") > html.count("<") == 2, html
 
 
-SAID = {
-    "front": ("3 points", "<f> 0 to 2 J"),
-    "choice": ("point 2",),
-    "plan": ("Plan of", "objective", ".best.motion"),
-    "motions": ("motions 3", "21 samples", "joint3", "rad", "1 s"),
-    "motion": ("one motion", "21 samples", "joint3"),
-    "tracking": ("kinetic_energy [J s]", "velocity", "pk.solve", "genes"),
-    "loop": ("joint_displacement 50%", "5", "pk.solve"),
-    "arm": ("joint1, joint2, joint3",),
-}
-
-
-def test_each_object_says_what_it_is(items):
-    for name, said in SAID.items():
-        assert [words for words in said if words not in repr(items[name])] == [], name
-
-
 def test_the_numbers_of_a_motion_are_its_own(items):
     motion = items["motion"]
     line = next(line.split() for line in repr(motion).splitlines() if line.startswith("joint2"))

@@ -139,10 +139,6 @@ open("/etc/hosts").close()
     assert seen.look_ups() == {Path("/etc/hosts"), ("192.0.2.1", 53)}
 
 
-def test_a_search_writes_into_its_folder_and_talks_to_nobody(desk):
-    solved(desk)
-
-
 def test_a_search_with_workers_writes_into_its_folder_and_talks_to_nobody(desk):
     check(desk.solve("run", "--workers", "2"), desk, desk.project / "run")
 

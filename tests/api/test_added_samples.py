@@ -168,12 +168,3 @@ def test_an_optimum_that_does_not_converge_on_more_samples_keeps_none_from_the_o
     statuses = [each.status for each in plan.optima]
     assert len(plan.levels) == 1 + SAMPLES.doublings
     assert statuses.count("converged") > len(statuses) / 2
-
-
-@pytest.mark.parametrize(("good", "stuck", "steps"), [(3, 0, 3), (3, 1, 3), (0, 2, 1)])
-def test_samples_are_added_while_they_help_most_values(good, stuck, steps):
-    def errors(step):
-        each = np.append(np.array([0.1, 0.2, 0.4])[:good] / 16.0**step, np.full(stuck, 1e6))
-        return each[each > 1e-3]
-
-    assert LEVELS.on_more_samples(0, errors, lambda step: step + 1) == steps

@@ -79,19 +79,12 @@ def test_limits_are_those_of_the_joints_by_name_in_whatever_order_they_are_writt
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"rate": 0}, "rate: must be positive, got 0 Hz"),
         ({"rate": "1 kHz"}, "rate: must contain real numbers, got text"),
         ({"controller": "abb"}, "controller must be one of franka, ur, kinova, panda"),
-        ({"controller": "kinova"}, "controller gen3: joints must be joint_1"),
-        ({"joint_names": ["elbow"]}, "got the unknown 'elbow'"),
-        ({"time_scale": 0.9}, "time_scale must be 1 or more, to slow down, got 0.9"),
-        ({"ramp": 9.0}, "ramp must be 0, or from one period to the motion's 2 s, got 9 s"),
         ({"slow_down": "yes"}, "slow_down must be True or False, got 'yes'"),
         ({"slow_down": True}, "slow_down must come with a controller, whose limits it satisfies, got none"),
         ({"overwrite": 1}, "overwrite must be True or False, got 1"),
-        ({"format": "xml"}, "format must be one of csv, parquet, npz, joint-trajectory, ros2-bag, got 'xml'"),
         ({"file": None}, "file must be a path, got None"),
-        ({"file": "swing"}, "swing must end in .csv"),
         ({"file": "a\0b.csv"}, r"file must be a path, got 'a\x00b.csv'"),
         ({"file": ".", "format": "csv"}, "export must be a file to write into, got the folder ."),
         (

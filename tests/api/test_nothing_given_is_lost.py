@@ -110,15 +110,6 @@ def test_a_plan_is_no_worse_than_what_it_was_given(joints, cyclic, seed):
     assert again.best.status == "converged"
 
 
-@pytest.mark.slow
-def test_a_basin_that_high_barriers_leave_is_kept():
-    problem = drawn(1, joints=4, objectives=[pk.torque_norm], samples=26)
-    optima = [pk.plan(problem, starts=4, seed=seed).best for seed in range(2)]
-    worse = max(optima, key=lambda optimum: optimum.objective)
-    planned = pk.plan(problem, starts=1, seed=5, initial=worse.motion)
-    assert planned.best.objective <= worse.objective * (1 + ROUNDING)
-
-
 @pytest.mark.parametrize("joints", [3, pytest.param(0, marks=pytest.mark.slow)])
 def test_no_given_point_dominates_a_front_of_epsilon_constraints(joints):
     problem = drawn(2, joints=joints, objectives=[pk.kinetic_energy, pk.torque_norm], samples=16)

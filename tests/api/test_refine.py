@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.pareto.refine import SearchImprover
 from problems import tringali_2020
 from tests.api.problems import tracking
 
@@ -33,23 +32,6 @@ def test_a_search_with_gradients_ends_with_certified_points(front):
     assert front.certificates.violation.max() <= 1e-8
     assert front.motions.tracking_error.max() <= 1e-9
     assert front.provenance["counts"]["iterations"] > 0
-
-
-def test_suggested_genes_are_better_than_their_origins():
-    problem = problem_of()
-    search = pk.Search(problem, population=30, seed=1)
-    improver = SearchImprover(search, problem)
-    for _ in range(10):
-        asked = search.ask()
-        evaluation = problem.evaluate(asked.X, return_as_dictionary=True)
-        search.tell(asked.ids, evaluation["F"], evaluation["G"])
-    from paretoik.search.evolution import progress_of
-
-    before = search.archive.F.min(axis=0)
-    genes = improver(progress_of(search, (), 0.0))
-    after = problem.evaluate(genes, return_as_dictionary=True)
-    fits = (after["G"] <= 1e-3).all(axis=1)
-    assert np.all(after["F"][fits].min(axis=0) < before)
 
 
 def tuned():

@@ -13,7 +13,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.api.load import load_front
-from paretoik.api.result_text import choice_text, entries, gap_text, result_text
+from paretoik.api.result_text import choice_text, gap_text, result_text
 from paretoik.cli import main
 from problems import tringali_2020
 
@@ -71,12 +71,6 @@ def test_jumps_and_what_further_points_could_add_are_printed(front):
     for row, said in ((0, False), (1, True), (2, True), (3, False)):
         assert (between in jumping(1).choice(row, "").reason) == said
     assert gap_text(replace(front, certificates=None)) == ""
-
-
-def test_every_entry_has_its_certificate_by_name(front):
-    every = entries(front)
-    assert [entry["certificate"]["status"] for entry in every] == front.certificates.status.tolist()
-    assert every[2]["certificate"]["criticality"] == front.certificates.criticality[2]
 
 
 def test_a_refined_run_is_printed_stored_and_drawn_with_its_certificates(tmp_path, monkeypatch, capsys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -114,8 +115,6 @@ def stopped(tmp_path_factory):
 @pytest.fixture
 def copy(stopped, tmp_path):
     """A copy of the stopped run."""
-    import shutil
-
     return Path(shutil.copytree(stopped, tmp_path / "copy"))
 
 
@@ -228,8 +227,6 @@ def test_a_killed_run_that_was_to_replace_another_resumes_and_replaces_it(stoppe
 
 
 def test_an_algorithm_of_the_users_own_is_asked_for_again(tmp_path):
-    from pymoo.algorithms.moo.nsga2 import NSGA2
-
     def interrupt(progress):
         if progress.stage == "generation" and progress.done == 3:
             signal.raise_signal(signal.SIGINT)

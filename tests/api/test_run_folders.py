@@ -72,15 +72,6 @@ def test_an_epsilon_front_and_its_refinement_are_runs_with_recordings(problem, t
     assert all((tmp_path / name / RECORDING).stat().st_size > 0 for name in ("front", "refined"))
 
 
-def test_past_its_time_limit_a_verb_with_nothing_says_so(tmp_path):
-    problem = tracking(pk.kinetic_energy)
-    with pytest.raises(pk.ParetoikError, match="time_limit: nothing was found within 1e-09 s"):
-        pk.plan(problem, time_limit=1e-9, out=tmp_path)
-    assert entries(tmp_path)["status"] == "SolverFailed"
-    with pytest.raises(pk.InvalidInput, match="time_limit: must be positive"):
-        pk.plan(problem, time_limit=0.0)
-
-
 def test_a_resolved_motion_keeps_its_traces(tmp_path):
     arm, method = pk.arms.tringali_3r(), pk.methods.DampedLeastSquares()
     motion = pk.resolve(arm, PATH, method, start=[0.0, 0.327, -0.754], unreachable="track", out=tmp_path)

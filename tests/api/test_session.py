@@ -5,17 +5,14 @@ from __future__ import annotations
 import json
 import os
 import signal
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from paretoik.api.session import RunRequest, open_session
-from paretoik.errors import Infeasible
 from paretoik.front.front import Front
-from paretoik.progress import RunProgress
-from paretoik.review.recording.recorder import Generation, SearchedFront
-from paretoik.runs.files import RECORDING, RUN
+from paretoik.review.recording.recorder import SearchedFront
+from paretoik.runs.files import RUN
 from tests.search.problems import Constant
 
 SCENE = SearchedFront(names=("a",), units=("",), maximised=(False,))
@@ -41,25 +38,6 @@ def stored(folder) -> dict:
     return json.loads((folder / RUN).read_text())
 
 
-def test_a_run_says_that_it_is_running_until_it_has_a_front(tmp_path):
-    with session(tmp_path, reference="mine.py:problem") as run:
-        assert stored(tmp_path)["status"] == "running"
-        run.finish_front(front({**run.provenance, "status": "generations"}))
-    provenance = Front.load(tmp_path).provenance
-    assert (provenance["status"], provenance["problem"], provenance["settings"]) == (
-        "generations",
-        "mine.py:problem",
-        {"seed": 1},
-    )
-    assert set(provenance["versions"]) == {"paretoik", "pymoo", "numpy", "scipy", "numba", "cvxpy", "clarabel"}
-
-
-def test_a_failure_stands_in_the_folder(tmp_path):
-    with pytest.raises(Infeasible), session(tmp_path):
-        raise Infeasible("no motion within the limits")
-    assert (stored(tmp_path)["status"], stored(tmp_path)["reason"]) == ("Infeasible", "no motion within the limits")
-
-
 def test_a_failure_after_a_draft_keeps_the_draft(tmp_path):
     def work():
         with session(tmp_path) as run:
@@ -82,21 +60,6 @@ def test_a_failure_after_the_end_leaves_the_front_as_it_is(tmp_path):
     with pytest.raises(RuntimeError):
         work()
     assert Front.load(tmp_path).provenance["status"] == "generations"
-
-
-def test_observer_and_recorder_see_the_same_generations(tmp_path):
-    seen: list[RunProgress] = []
-    F = np.array([[1.0]])
-    generation = Generation(number=1, population=F, front=F, front_ids=np.array([0]), hypervolume=0.0)
-    with session(tmp_path, observe=seen.append) as run:
-        assert run.is_watched
-        run.start_recording(SCENE)
-        shown = RunProgress(stage="generation", done=1, total=2, seconds=run.seconds, generation=generation)
-        run.show(shown)
-        run.show(replace(shown, stage="refinement", generation=None))
-        run.finish_front(front(run.provenance))
-    assert [progress.stage for progress in seen] == ["generation", "refinement", "saving", "recording"]
-    assert (tmp_path / RECORDING).stat().st_size > 0
 
 
 def test_without_a_folder_nothing_is_written_and_signals_are_still_caught(tmp_path, monkeypatch):

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from pymoo.core.problem import Problem
 
 import paretoik as pk
 from paretoik.api.solve import solve
@@ -14,17 +13,6 @@ from paretoik.runs.files import RECORDING
 from tests.api.problems import QUICK, tracking
 from tests.review.reading import read, rows
 from tests.search.problems import Constant
-
-
-class Walled(Problem):
-    """A problem with one gene, one objective, and a constraint that nothing satisfies."""
-
-    def __init__(self):
-        super().__init__(n_var=1, n_obj=1, n_ieq_constr=2, xl=0.0, xu=1.0)
-
-    def _evaluate(self, x, out, *args, **kwargs):
-        out["F"] = x
-        out["G"] = np.column_stack((x - 2, 0.5 + x))
 
 
 def test_a_front_is_feasible_and_non_dominated_and_its_motions_give_its_objectives(problem, front):
@@ -76,12 +64,6 @@ def test_nothing_feasible_comes_with_the_least_violating_motion_the_limit_and_by
     assert refused.value.violation == pytest.approx(worst.max())
     said = json.loads((tmp_path / "run" / "run.json").read_text())
     assert (said["status"], said["reason"]) == ("Infeasible", str(refused.value))
-
-
-def test_a_plain_problem_without_a_feasible_point_names_the_constraint():
-    with pytest.raises(Infeasible, match=r"constraint 2 is violated by 0\.5") as refused:
-        solve(Walled(), **QUICK)
-    assert (refused.value.limit, refused.value.motion) == ("constraint 2", None)
 
 
 def test_observe_sees_every_generation_as_the_user_knows_it(problem):

@@ -72,20 +72,6 @@ class Waves:
 
 
 @dataclass(frozen=True)
-class Hill:
-    """A model that is five times slower on top of a hill in the unit square."""
-
-    center: tuple[float, float]
-    lower = np.zeros(2)
-    upper = np.ones(2)
-
-    def roots(self, positions):
-        away = positions - np.array(self.center)
-        hill = 4 * np.exp(-np.sum(away**2, axis=-1) / (2 * 0.15**2))[..., None, None]
-        return (1 + hill) * np.eye(2), -(hill * np.eye(2))[..., None] * away[..., None, None, :] / 0.15**2
-
-
-@dataclass(frozen=True)
 class Ridge:
     """A model with a valley between the straight way and far slower places: the fastest way is in the valley."""
 
@@ -134,17 +120,6 @@ def test_the_fastest_path_follows_and_leaves_a_wall():
     path = fastest_path(model, start, target, intervals=200)
     assert path.points[:, 1].max() <= top
     assert path.duration == pytest.approx(2 * model.time(start, touch) - 2 * across / top, rel=2e-5)
-
-
-@pytest.mark.parametrize("beside", [0.0, 0.02])
-def test_the_fastest_path_goes_around_a_hill_on_the_better_side(beside):
-    start, target = [0.1, 0.5], [0.9, 0.5]
-    low, high = (fastest_path(Hill((0.5, 0.5 + side)), start, target) for side in (-beside, beside))
-    assert low.duration == pytest.approx(high.duration, rel=1e-9)
-    assert low.duration < 0.7 * path_time(Hill((0.5, 0.5)), [start, target])
-    if beside:
-        assert low.points[50, 1] > 0.7
-        assert high.points[50, 1] < 0.3
 
 
 @pytest.mark.parametrize("task", [2, 3])

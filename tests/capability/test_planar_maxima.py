@@ -131,16 +131,3 @@ def test_found_maxima_are_possible_by_other_formulae(compared):
             assert polygon.torque == pytest.approx(load, abs=1e-12)
         drawn.stall = drawn.stall * (1 + 1e-9)
         assert np.diagonal(drawn.values(q, quantity)) == pytest.approx(polygon.values, rel=1e-6, abs=1e-9)
-
-
-def test_a_refusal_names_the_joint_and_its_excess():
-    drawn = Drawn(0)
-    needed_torque = np.abs(drawn.statics(drawn.postures())[2]).max(axis=1).min()
-    drawn.actuation = pk.capability.JointActuation(
-        motors=pk.capability.MotorCurve(stall=[0.5 * needed_torque] * 3, fastest=drawn.fastest)
-    )
-    with pytest.raises(
-        Infeasible, match=rf"joint\d must bear a torque of at most {0.5 * needed_torque:.4g} N m"
-    ) as refusal:
-        drawn.maxima("velocity")
-    assert refusal.value.violation == pytest.approx(1.0, abs=0.05)

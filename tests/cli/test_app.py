@@ -38,10 +38,6 @@ def test_help_names_every_command_and_the_exit_codes(paretoik):
             ["select", "RUN", "--weights", "torque_norm=1,torque_norm=2"],
             "weights must have each objective once, got torque_norm twice",
         ),
-        (
-            ["select", "RUN", "--weights", "torque=1"],
-            "weights must have names among kinetic_energy, torque_norm, got 'torque'; did you mean 'torque_norm'?",
-        ),
         (["show", "OUT"], "review.rrd must be a recording, got no folder "),
         (["check-robot", "missing.urdf"], "missing.urdf"),
         (["check-robot", "PANDA", "--tip", "thumb"], "tip must be one of"),

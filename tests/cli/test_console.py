@@ -1,5 +1,3 @@
-""""""
-
 from __future__ import annotations
 
 import os
@@ -10,16 +8,8 @@ import sys
 
 import pytest
 
-from paretoik.cli.console import exit_code, process_output
+from paretoik.cli.console import process_output
 from tests.cli.commands import PANDA, ROOT, strict
-
-
-@pytest.mark.parametrize(
-    ("status", "code"), [("generations", 0), ("time limit", 5), ("SIGINT", 130), ("interrupted", 130), ("SIGTERM", 143)]
-)
-def test_what_ended_a_run_is_its_exit_code(status, code):
-    assert exit_code(status) == code
-
 
 NOISY = """
 import os, subprocess

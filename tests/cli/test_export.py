@@ -126,15 +126,3 @@ def test_ones_own_controller_is_named_by_its_file(paretoik, finished, tmp_path):
     assert "controller bench" in ended.err
     ended = paretoik(*words, f"{tmp_path / 'own_bench.py'}:BENHC")
     assert "got 'BENHC'; did you mean 'BENCH'" in ended.err
-
-
-def test_a_factor_that_is_advised_is_enough_and_slow_down_takes_no_more(paretoik, panda_run, tmp_path):
-    run, point = panda_run
-    words = "export", run, "--point", point, "--controller", "panda", "--ramp", "0.1", "--out", tmp_path / "a.npz"
-    ended = paretoik(*words)
-    assert ended.code == 3
-    (factor,) = re.findall(r"slowed down ([\d.]+) times it satisfies every limit", ended.err)
-    by_factor = strict(paretoik(*words, "--time-scale", factor, "--json").out)
-    slowed = strict(paretoik(*words, "--slow-down", "--overwrite", "--json").out)
-    assert 0 <= by_factor["samples"] - slowed["samples"] <= 1
-    assert 0.9 < max(slowed["use of limits"].values()) <= 1

@@ -66,15 +66,6 @@ def test_a_wrong_wish_is_one_line_and_changes_nothing(paretoik, run):
     assert (run / "run.json").read_bytes() == before
 
 
-def test_the_run_itself_is_no_other_folder(paretoik, run):
-    before, start = (run / "run.json").read_bytes(), middle(run)
-    words = ("--point", start, "--improve", "kinetic_energy", "--out", run / ".." / "run", "--overwrite")
-    ended = paretoik("navigate", run, *words)
-    assert ended.code == 2
-    assert "out must not be the folder of the source run" in ended.err
-    assert (run / "run.json").read_bytes() == before
-
-
 def test_without_a_point_it_moves_from_the_present_choice_and_says_which(paretoik, run):
     front = load_front(run)
     first, second = (int(id) for id in front.ids[[2, 3]])
@@ -85,12 +76,6 @@ def test_without_a_point_it_moves_from_the_present_choice_and_says_which(paretoi
     assert ended.out.startswith(f"from the present choice, point {second}:\n")
     assert f"From point {second} to " in ended.out
     assert load_front(run).choices.chosen.point == second
-
-
-def test_a_run_without_certificates_says_what_it_needs(paretoik, finished):
-    ended = paretoik("navigate", finished, "--point", middle(finished), "--improve", "kinetic_energy")
-    assert ended.code == 2
-    assert "the front must have certificates" in ended.err
 
 
 def test_a_point_of_a_stopped_run_outlives_its_resumption(paretoik, mine, tmp_path):

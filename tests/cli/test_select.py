@@ -1,14 +1,10 @@
 from __future__ import annotations
 
-import shutil
-
 import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.runs.files import RECORDING
 from tests.cli.commands import SMALL, load_front, strict
-from tests.review.reading import read, static_values
 
 
 def test_select_as_json_gives_id_objectives_and_reason(paretoik, finished):
@@ -75,15 +71,3 @@ def test_an_option_of_another_preference_is_refused(paretoik, counted, option, o
         assert len(ended.err.strip().splitlines()) == 1
     ended = paretoik("select", counted, "--knee", f"--{option}", 0)
     assert f"{option} must come with --{owner}, got no --{owner}" in ended.err
-
-
-def test_the_recording_opens_on_what_was_chosen_and_goes_back_with_it(paretoik, finished, tmp_path):
-    run = shutil.copytree(finished, tmp_path / "run", ignore=shutil.ignore_patterns("choices.json"))
-    first, last = (int(id) for id in load_front(run).ids[[0, -1]])
-    for id in (first, last):
-        assert paretoik("select", run, "--point", id).code == 0
-        assert static_values(read(run / RECORDING)["/choice/text"], "text")[0].startswith(f"# Point {id}, chosen")
-    assert paretoik("select", run, "--undo").code == 0
-    assert static_values(read(run / RECORDING)["/choice/text"], "text")[0].startswith(f"# Point {first}, chosen")
-    assert paretoik("select", run, "--undo").code == 0
-    assert "/choice/text" not in read(run / RECORDING)

@@ -30,21 +30,6 @@ def test_solve_keeps_a_run_that_select_reads(paretoik, mine, tmp_path):
     assert "(kinetic_energy 30%, torque_norm 70%)" in words
 
 
-def test_a_solver_is_named_for_refining(paretoik, mine, tmp_path):
-    out = tmp_path / "run"
-    refused = paretoik("solve", f"{mine}:good", "--out", out, "--solver", "simplex")
-    assert (refused.code, out.exists()) == (2, False)
-    refused = paretoik("solve", f"{mine}:good", "--out", out, "--solver", "sqp")
-    assert (refused.code, out.exists()) == (2, False)
-    assert "solver must come with refine=True, got 'sqp' without it" in refused.err
-    ended = paretoik(
-        "solve", f"{mine}:good", "--out", out, *SMALL, "--refine", "--solver", "sqp", "--points", "2", "--quiet"
-    )
-    assert ended.code == 0
-    assert len(load_front(out)) == 2
-    assert load_front(out).provenance["settings"]["solver"] == "sqp"
-
-
 def test_json_on_stdout_is_strict_and_holds_the_front_of_the_folder_and_quiet_says_no_more(paretoik, mine, tmp_path):
     ended = paretoik("solve", f"{mine}:good", "--out", tmp_path / "run", *SMALL, "--json", "--quiet")
     said, front = strict(ended.out), load_front(tmp_path / "run")

@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 from moocore import pareto_rank
 
-import paretoik as pk
 from paretoik.closed_loop import step_search_kernels as engine
-from paretoik.closed_loop.objectives import joint_displacement, position_error
 from paretoik.closed_loop.programs import StepStart, allocate
 from paretoik.closed_loop.step_search_kernels import decode
-from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.search import sorted_points
 from paretoik.search.maximin import survivors
 from problems import marcos_2012
@@ -110,20 +107,6 @@ def test_kept_generations_lead_to_the_same_bits_and_each_is_that_of_a_shorter_se
         np.testing.assert_array_equal(kept.F[generations][alive], shorter.F)
         np.testing.assert_array_equal(kept.q[generations][alive], shorter.q)
         np.testing.assert_array_equal(np.isnan(kept.q[generations]).any(axis=1), ~alive)
-
-
-def test_a_spatial_arm_and_three_objectives_run_through_the_same_engine():
-    arm = pk.arms.wan_7r()
-    q = np.array([0.2, 0.6, -0.4, -0.8, 0.3, 0.5, 0.1])
-    where = pk.Motion(arm=arm, time=np.arange(3.0), q=np.tile(q, (3, 1))).tool[0]
-    path = pk.line(where, where + np.array([0.0, 0.002, 0.001]), duration=0.01, samples=3, timing="uniform")
-    objectives = [joint_displacement, position_error, pk.joint_limit_distance]
-    closed_loop = ClosedLoop(arm, path, objectives=objectives, start=q, population=30, generations=10)
-    population = closed_loop.step_evolution()(closed_loop.step_state(1))
-    step = closed_loop.control_step(1)
-    np.testing.assert_allclose(step.positions(population.genes), population.q, atol=1e-12)
-    F = step.evaluate(population.genes, return_values_of=["F"])
-    np.testing.assert_allclose(F, population.F, rtol=1e-6, atol=1e-10)
 
 
 # Genes to joint positions, compared with a dense solution of the extended Jacobian (Marcos 2012, Eqs. 7, 12, 13).

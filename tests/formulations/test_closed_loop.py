@@ -42,12 +42,6 @@ def test_states_do_not_depend_on_other_threads():
             np.testing.assert_array_equal(q, expected)
 
 
-def test_every_step_is_observed_when_it_is_taken():
-    seen = []
-    small(3).run(observe=lambda record: seen.append((record.sample, len(record.front.F))))
-    assert [sample for sample, _ in seen] == list(range(1, STEPS + 1))
-
-
 @pytest.mark.parametrize("make", [lambda: small(3, blocked=True, as_printed=False), near_obstacle])
 def test_all_of_every_step_is_clear_of_obstacles_by_other_geometry(make):
     loop = make()

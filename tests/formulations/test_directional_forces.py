@@ -10,7 +10,6 @@ from scipy.optimize import linprog
 
 import paretoik as pk
 from paretoik.errors import InvalidInput
-from paretoik.robot import kinematics
 from tests.robot.planar_postures import all_postures, statics
 
 PLACE = np.array([0.2, -0.15])
@@ -135,22 +134,6 @@ def test_speed_times_force_is_no_more_than_motors_and_weight_can_give(name):
     load, capacity = statics(at.q, **OF_KIM_3R)[2], capacities(name, at.q, at.front)
     work = ((capacity + np.abs(load)) * np.abs(at.dq[:, 0])).sum(axis=1)
     assert (at.values.prod(axis=1) <= work * (1 + 1e-6)).all()
-
-
-def test_spatial_arms_push_as_hard_as_they_can_in_any_posture():
-    arm, place = pk.arms.wan_7r(), [0.5, 0.3, -0.2]
-    motors = pk.capability.MotorCurve(stall=[40.0] * 4 + [10.0] * 3, fastest=arm.velocity_limits)
-    actuation = pk.capability.JointActuation(motors=motors)
-    problem = pk.DirectionalMaxima(arm, actuation, place, np.eye(3), quantity="force", starts=60)
-    refined = pk.refine(pk.solve(problem, population=24, generations=10, seed=0, points=4))
-    maxima = pk.directional_maxima(arm, actuation, place, np.eye(3), quantity="force", starts=100).values
-    assert (refined.objectives <= maxima * (1 + 1e-6)).all()
-    assert refined.certificates.violation.max() <= 1e-8
-    q, load = refined.motions.q[:, 0], refined.motions.torque[:, 0]
-    columns = kinematics.jacobian(arm, q)[:, :3]
-    for k in range(3):
-        torque = load + refined.objectives[:, k, None] * columns[:, k]
-        assert np.max(np.abs(torque) / motors.stall, axis=1) == pytest.approx(np.ones(len(q)), rel=1e-6)
 
 
 @pytest.mark.usefixtures("unchecked")

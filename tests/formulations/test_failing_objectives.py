@@ -7,7 +7,6 @@ import pytest
 
 import paretoik as pk
 from paretoik import kinetic_energy
-from paretoik.errors import InvalidInput
 from tests.formulations.problems import paper_3r
 from tests.formulations.test_tracking import evaluate, genes_of
 
@@ -59,9 +58,3 @@ def test_a_constraint_that_is_nan_makes_the_point_infeasible_and_nothing_else():
     np.testing.assert_array_equal((out["G"] > 0).any(axis=1), failing)
     assert np.isfinite(out["G"]).all()
     assert all(bool(cause) == bad for cause, bad in zip(out["cause"], failing, strict=True))
-
-
-def test_an_objective_of_another_shape_is_refused_by_name_before_any_search():
-    odd = pk.objective(unit="", form="integral", name="odd")(lambda motion: motion.q)
-    with pytest.raises(InvalidInput, match=r"objective odd \(integral\) must return shape .*21\), got \(.*, 21, 3\)"):
-        paper_3r(objectives=[odd])

@@ -9,7 +9,6 @@ import pytest
 
 import paretoik as pk
 from paretoik.formulations.motions import values_between
-from paretoik.front.hypervolume import hypervolume
 from paretoik.trajectory.motion_terms import joint_distance
 from problems import tringali_2020
 
@@ -59,12 +58,3 @@ def test_the_trade_off_of_kinetic_energy_and_torque_jumps_once_where_motions_are
     distances = joint_distance(problem.task, q[1:], q[:-1])
     assert row == distances.argmax()
     assert distances[row] > 2 * np.delete(distances, row).max()
-
-
-@pytest.mark.slow
-def test_the_hypervolume_that_the_trade_off_misses_is_that_of_a_finer_one(problem, front):
-    finer = pk.epsilon_front(problem, points=40, starts=24)
-    assert len(finer.jumps) == 1
-    volumes = [hypervolume(each.minimised, each.minimised.max(axis=0)) for each in (front, finer)]
-    gained = 1 - volumes[0] / volumes[1]
-    assert front.missing_hypervolume - finer.missing_hypervolume == pytest.approx(gained, rel=0.15)

@@ -65,29 +65,6 @@ def test_work_of_sliders_is_the_work_of_the_joints():
     assert np.diff(sliders, axis=1) == pytest.approx(timing.travel, abs=1e-12)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("shape", ["strip", "box"])
-def test_fronts_with_other_motor_curves_are_refined_too(shape):
-    """At their limits motors can just bear some places: rounding must not exclude these."""
-    motors = pk.capability.MotorCurve(stall=[1.85, 0.95, 0.33], fastest=np.deg2rad([3.3, 13.2, 13.2]), shape=shape)
-    problem = pk.PointToPoint(
-        pk.arms.kim_3r(), pk.capability.JointActuation(motors=motors), START, TARGET, samples=9, coefficients=4
-    )
-    polished = pk.solve(problem, population=40, generations=20, seed=1, points=4)
-    refined = pk.refine(polished)
-    before = dict(zip(polished.ids, polished.minimised, strict=True))
-    assert (refined.minimised.min(axis=0) <= polished.minimised.min(axis=0) + 1e-5).all()
-    for number, row in zip(refined.ids, refined.minimised, strict=True):
-        assert (row <= before[number] + 1e-5).all()
-    assert refined.certificates.violation.max() <= 1e-8
-    gained = 1.0 - refined.minimised.min(axis=0) / polished.minimised.min(axis=0)
-    assert (gained > [0.004, 0.05]).all()
-    wide = pk.epsilon_front(problem, points=3, starts=8)  # from other basins, too
-    shares = wide.minimised.min(axis=0) / refined.minimised.min(axis=0)
-    assert shares.max() < 1.0
-    assert shares.min() < 0.95
-
-
 def test_no_motion_is_faster_than_directional_maxima_allow(problem, refined):
     """The highest speeds of all postures along the way bound the motion's time from below."""
     fine = problem.initial_paths.finer(8) @ problem.profiles(np.array(refined.genes[:1]))[0]
@@ -106,24 +83,6 @@ def test_between_samples_motors_are_nearly_as_fast_as_they_need_to_be(problem, r
     q = problem.initial_paths.finer(8) @ problem.profiles(np.array(refined.genes))[0]
     fine = minimum_timing(problem.arm, problem.actuation, q, np.zeros_like(q))
     assert fine.duration == pytest.approx(refined.objectives[:, 0], rel=0.05)
-
-
-def test_spatial_arms_are_served():
-    arm = pk.arms.wan_7r()
-    problem = pk.PointToPoint(
-        arm,
-        pk.capability.JointActuation.of(arm),
-        [0.5, 0.3, -0.2],
-        [0.4, 0.35, -0.1],
-        samples=9,
-        coefficients=4,
-        bases=4,
-        energy=False,
-    )
-    front = pk.solve(problem, population=20, generations=5, seed=0, points=2)
-    tool = kinematics.forward_kinematics(arm, front.motions.q)[1]
-    assert tool[:, -1] == pytest.approx(np.tile([0.4, 0.35, -0.1], (len(front), 1)), abs=1e-9)
-    assert (front.objectives[:, 0] > 0).all()
 
 
 @pytest.mark.usefixtures("unchecked")

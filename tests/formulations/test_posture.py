@@ -69,16 +69,6 @@ def test_torques_that_hold_the_arm_satisfy_their_limits():
     assert (q <= problem.xu).all()
 
 
-def test_own_constraints_are_satisfied():
-    @pk.constraint(unit="rad", upper=0.0)
-    def elbow_down(motion):
-        return motion.q[..., 1]
-
-    problem = pk.Posture(ARM, CIRCLE, constraints=[elbow_down])
-    front = pk.solve(problem, population=60, generations=30, seed=0, observe=False)
-    assert (front.genes[:, 1] <= 1e-6).all()
-
-
 NOT_OF_A_POSTURE = {
     "limits of a posture must be on position, torque and clearance, got vel": {"limits": pk.Limits(velocity=1.0)},
     "objectives must have names other than position_error": {

@@ -10,8 +10,7 @@ import paretoik as pk
 from paretoik.errors import InvalidInput
 from paretoik.formulations import protocol
 from paretoik.formulations.motions import restore_motions
-from paretoik.formulations.protocol import ProblemParts, require_program
-from paretoik.search.genes import check_sizes
+from paretoik.formulations.protocol import ProblemParts
 from tests.api.problems import tracking
 
 PLAIN = ZDT1(n_var=3)
@@ -60,22 +59,3 @@ def test_tracking_encodes_what_it_decodes_and_restores_its_motions():
     assert deviation.max() < 1e-6
     restored = restore_motions(problem, front)
     np.testing.assert_array_equal(restored.torque, front.motions.torque)
-
-
-# Problems that verbs accept, and those that they refuse by name before any work.
-
-
-def test_any_pymoo_problem_can_be_searched_and_nothing_else():
-    check_sizes(PLAIN)
-    with pytest.raises(InvalidInput, match="problem must be a pymoo problem, such as Tracking, got 3"):
-        check_sizes(3)
-
-
-def test_a_problem_without_a_program_has_no_gradients_and_the_verb_is_named():
-    problem = tracking()
-    assert require_program("refine", problem) is problem
-    with pytest.raises(
-        InvalidInput,
-        match=r"refine: the problem must have gradients, .* got ZDT1 without program\(\)",
-    ):
-        require_program("refine", PLAIN)

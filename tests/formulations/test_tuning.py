@@ -104,19 +104,6 @@ def test_objectives_are_the_worst_or_the_mean_over_the_starts(method, judged_by)
         np.testing.assert_allclose(F[i], expected, rtol=1e-9)
 
 
-def test_any_objective_of_motions_counts_with_the_users_own():
-    @pk.objective(unit="rad²/s", form="integral", maximise=True)
-    def eagerness(motion):
-        return motion.dq[..., -1] ** 2
-
-    problem = tuning(objectives=[eagerness, pk.peak_velocity], judged_starts=1)
-    genes = genes_of(problem)
-    motions = problem.decode(genes)
-    F = problem.evaluate(genes)
-    np.testing.assert_allclose(F, np.stack([-eagerness(motions), pk.peak_velocity(motions)], axis=1), rtol=1e-12)
-    assert problem.maximised == (True, False)
-
-
 def test_an_individual_off_the_path_is_infeasible_and_says_so():
     away = pk.waypoints([[0.4, 0.05], [0.47, 0.1], [0.4, 0.05]], duration=1.0, samples=41)
     slow = methods.Parameter("feedback", 0.0, 1e-3)

@@ -82,12 +82,6 @@ def test_at_a_lower_rate_the_limits_still_hold_for_the_motion_at_the_controllers
     assert whole.time[-1] <= slow.time[-1] + 1e-9 <= whole.time[-1] + 0.1 + 1e-9
 
 
-def test_at_a_low_rate_a_moving_end_is_refused_with_a_ramp_that_is_allowed():
-    moving = MOTIONS["Panda, a pose on a line"]
-    error = refusal(moving, rate=7.0)
-    assert fitted(moving, rate=7.0, **advised(error))[1].ramp >= 1 / 7.0
-
-
 def test_a_motion_that_is_too_fast_is_refused_by_its_worst_limit_and_the_factor_that_is_advised_is_enough():
     fast = swing(duration=0.4, samples=201)
     error = refusal(fast)

@@ -138,11 +138,6 @@ def test_times_are_whole_nanoseconds_that_ros_keeps_exactly(rate):
     np.testing.assert_allclose(nanoseconds, np.arange(len(times)) * 1e9 / rate, atol=0.5)
 
 
-def test_a_duration_of_whole_periods_keeps_its_time():
-    for duration, rate in ((1.5, 1000.0), (0.3, 10.0), (2.4, 500.0)):
-        assert time_scaling(duration, rate).factor == pytest.approx(1.0, abs=1e-15)
-
-
 @pytest.mark.parametrize(
     ("changed", "message"),
     [

@@ -339,7 +339,7 @@ def test_numbers_out_of_range_are_refused_by_name(make, said):
         make()
 
 
-# Large errors, sliding joints, and joints with only one limit.
+# Large errors, and joints with only one limit.
 
 
 LONG = DOWN.resample(101)
@@ -394,27 +394,6 @@ def test_a_large_error_of_orientation_is_made_good(angle):
     decayed = angle * (1.0 - 10.0 * 0.001) ** np.arange(1001)
     assert sizes[:601] == pytest.approx(decayed[:601], rel=0.05)  # later it meets the limit of its reach
     assert np.linalg.norm(motion.traces.errors[:601, :3], axis=1).max() < 0.01
-
-
-def test_sliding_joints_are_resolved_as_turning_ones_are():
-    arm = pk.Arm.from_dh(
-        theta=[0.0] * 7,
-        alpha=[np.pi / 2, 0.0, np.pi / 2, -np.pi / 2, np.pi / 2, -np.pi / 2, 0.0],
-        a=[0.0, 0.1, 0.0, 0.0, 0.0, 0.1, 0.0],
-        d=[0.2, 0.0, 0.3, 0.0, 0.3, 0.0, 0.1],
-        types=["revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute", "revolute"],
-        convention="standard",
-    )
-    rotation, position = kinematics.forward_kinematics(arm, BENT)
-    first = Pose.from_matrix(rotation, position)
-    last = Pose.from_rpy((0.1, -0.05, 0.05), (0.1, 0.0, 0.2)) @ first
-    path = line(first, last, duration=1.0, samples=401)
-    motion = pk.resolve(arm, pk.Task(path, axes="xyz+z-axis"), pk.methods.PseudoInverse(), start=BENT)
-    assert motion.tracking_error.max() < 1e-4
-    assert np.abs(motion.traces.velocities[:, [1, 4]]).min() > 0
-    assert motion.traces.errors.shape == (401, 5)
-    half = pk.resolve(arm, pk.Task(path.resample(201), axes="xyz+z-axis"), pk.methods.PseudoInverse(), start=BENT)
-    assert half.q[-1] == pytest.approx(motion.q[-1], abs=5e-3)  # both go the same way
 
 
 @pytest.mark.parametrize("side", ["upper", "lower"])

@@ -36,13 +36,16 @@ def swing(points: int, *, planar: bool, dof: int = 3, samples: int = 11) -> Moti
     return Motion(arm=swinging_arm(planar, dof), time=time, q=q, differences="backward")
 
 
+def sphere(points: int, n_obj: int, seed: int = 0) -> np.ndarray:
+    directions = np.abs(np.random.default_rng(seed).normal(size=(points, n_obj)))
+    return 2.0 - directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
 def trade_off(points: int, n_obj: int) -> np.ndarray:
     """Return points on a sphere's octant, mutually non-dominated in the user's own sign."""
     if n_obj == 1:
         return np.full((1, 1), 0.25)
-    directions = np.abs(np.random.default_rng(n_obj).normal(size=(points, n_obj)))
-    minimised = 2.0 - directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    return minimised * np.where(MAXIMISED[:n_obj], -1.0, 1.0)
+    return sphere(points, n_obj, n_obj) * np.where(MAXIMISED[:n_obj], -1.0, 1.0)
 
 
 @pytest.fixture(scope="session")

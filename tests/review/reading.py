@@ -94,19 +94,6 @@ def _views(file: Path, number: int) -> dict[str, str]:
     return origins
 
 
-def layout_parts(file: Path) -> dict[str, dict[str, Any]]:
-    """Return the final components of each entity of the opening layout."""
-    reader = rr.chunk.RrdReader(file)
-    parts: dict[str, dict[str, Any]] = {}
-    for chunk in reader.stream(store=reader.blueprints()[opening_layout(file)]):
-        batch = chunk.to_record_batch()
-        part = parts.setdefault(str(chunk.entity_path).strip("/"), {})
-        for name in batch.schema.names:
-            if ":" in name:
-                part[name] = batch.column(name).to_pylist()[-1]
-    return parts
-
-
 def shown(entities: dict[str, list], origin: str, timeline: str, time: int) -> list[str]:
     """Return the entities at or below `origin` that show something at a time: static, or logged before."""
     return [

@@ -176,14 +176,6 @@ def test_motions_without_space_are_left_out_with_a_note(front):
     assert int(count) == len(front) - len(kept)
 
 
-def test_points_beyond_the_largest_number_are_left_out_with_a_note(make_front):
-    front = make_front(2, points=40)
-    read = page(front, options=ReportOptions(points=10))
-    assert len(read.table) == 10
-    assert {front.ids[0], front.ids[-1], compromise(front).id} <= set(read.table)
-    assert any(text.startswith("30 more points") for text in read.texts("p"))
-
-
 def long_front(problem, *, count: int, samples: int) -> Front:
     """Return ``count`` points with motions of noise, which compresses badly."""
     motions = problem.decode(problem.sample_starts(3, np.random.default_rng(1)))
@@ -224,19 +216,6 @@ def test_directions_of_a_postures_front_are_arrows(front):
 
     described = ReportMotions(front=replace(front, problem=Directed())).description()
     assert [(each["axis"], each["along"]) for each in described["arm"]["arrows"]] == [(0, [1.0, 0.0]), (1, [0.0, 1.0])]
-
-
-def test_the_points_of_a_page_are_the_marked_ones_and_then_always_the_farthest(make_front):
-    front = make_front(3, points=20)
-    marked = set(Report(front=front, title="t").marks)
-    for count in (len(marked), len(marked) + 7):
-        table = page(front, options=ReportOptions(points=count)).table
-        rows = set(np.flatnonzero(np.isin(front.ids, list(table))))
-        assert marked <= rows
-        assert len(rows) == count
-        distance = np.linalg.norm(front.shares[:, None] - front.shares[sorted(rows)], axis=2).min(axis=1)
-        (added,) = set(page(front, options=ReportOptions(points=count + 1)).table) - set(table)
-        assert distance[front.ids == added] == pytest.approx(distance.max())
 
 
 def test_thousands_of_points_fit_into_five_megabytes_with_the_list_of_what_is_left_out(problem):

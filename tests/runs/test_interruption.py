@@ -1,5 +1,3 @@
-""""""
-
 from __future__ import annotations
 
 import os
@@ -144,14 +142,6 @@ def test_within_the_limit_nothing_happens_then_or_later(clock):
     time.sleep(0.1)
     assert not limit.reached
     check_interruption()
-
-
-def test_of_a_limit_time_can_be_reserved_for_what_follows():
-    with time_limit(20.0) as limit:
-        with reserve_time(0.999, 60.0), pytest.raises(Interrupted):
-            wait_for_interruption()
-        assert limit.reached
-        check_interruption()
 
 
 def test_a_signal_before_the_limit_stays_the_signal(clock):

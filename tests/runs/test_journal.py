@@ -104,15 +104,6 @@ def test_a_flipped_bit_costs_its_own_frame_and_no_other(file, tmp_path, monkeypa
         journal.close()
 
 
-def test_a_warning_says_how_many_bytes_are_damaged(file):
-    content = bytearray(file.read_bytes())
-    first, size = ends(content)[1], len(content)
-    content[len(MARK)] ^= 1
-    file.write_bytes(content)
-    with pytest.warns(RuntimeWarning, match=f"{first} of {size} bytes are damaged; their content is computed again"):
-        Journal(file).close()
-
-
 @given(
     arrays(st.sampled_from([np.float64, np.int64, np.bool_, np.uint8]), array_shapes(min_dims=0, min_side=0)),
     st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"])),

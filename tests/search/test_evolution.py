@@ -31,14 +31,6 @@ def test_search_runs_until_the_first_ending_and_shows_each_generation():
     assert evolve(search(), [Generations(70), Evaluations(35)]) == "evaluations"
 
 
-def test_continued_search_equals_one_run():
-    at_once, in_two = search(), search()
-    evolve(at_once, [Generations(9)])
-    evolve(in_two, [Generations(4)])
-    evolve(in_two, [Generations(9)])
-    assert np.array_equal(at_once.archive.members.X, in_two.archive.members.X)
-
-
 class Raising(Parabolas):
     """Raises if an individual is in a corner of the box."""
 

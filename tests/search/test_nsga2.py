@@ -24,23 +24,6 @@ def test_maximin_nsga2_solves_zdt1_through_minimize():
     assert hypervolume(result.F, ref=[1.1, 1.1]) > 0.855  # the front itself: 0.8767
 
 
-def test_the_same_seed_gives_the_same_bits():
-    runs = [minimize(Parabolas(), MaxiMinNSGA2(pop_size=12), ("n_gen", 12), seed=seed).F for seed in (3, 3, 4)]
-    assert np.array_equal(runs[0], runs[1])
-    assert not np.array_equal(runs[0], runs[2])
-
-
-def test_ask_and_tell_equals_minimize():
-    problem = Parabolas()
-    algorithm = MaxiMinNSGA2(pop_size=12)
-    algorithm.setup(problem, seed=3, termination=("n_gen", 12))
-    while algorithm.has_next():
-        infills = algorithm.ask()
-        algorithm.evaluator.eval(problem, infills)
-        algorithm.tell(infills=infills)
-    assert np.array_equal(algorithm.result().F, minimize(problem, MaxiMinNSGA2(pop_size=12), ("n_gen", 12), seed=3).F)
-
-
 def test_infeasible_survivors_never_enter_the_result():
     algorithm = MaxiMinNSGA2(pop_size=20, infeasible_share=0.2)
     result = minimize(Parabolas(constrained=True), algorithm, ("n_gen", 40), seed=1)

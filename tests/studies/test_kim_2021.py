@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ import paretoik as pk
 from paretoik.capability.directional import unit_directions
 from paretoik.capability.geodesic import path_time
 from paretoik.robot.kinematics import forward_kinematics
-from studies.kim_2021 import __main__ as study
 from studies.kim_2021.energies import along_profile, postures
 from studies.kim_2021.ipopt_programs import looking_ahead, posture_program, root
 from studies.kim_2021.maxima import (
@@ -23,20 +20,12 @@ from studies.kim_2021.maxima import (
     beside_paper,
     grid,
     paper,
-    polygon_rows,
-    polygons,
     sample_maxima,
     speeds,
     surrogate_rows,
 )
-from studies.kim_2021.pictures import draw
 from studies.kim_2021.postures import Mechanism, continuous, evenly, minimum_timing
 from studies.kim_2021.trajectories import START, TARGET, cheating, fastest_plan, figure_8, possible_time, trajectory
-
-
-@pytest.fixture(scope="module")
-def corners():
-    return polygons()
 
 
 @pytest.fixture(scope="module")
@@ -166,11 +155,3 @@ def test_a_step_by_ipopt_is_the_same_program(models):
     assert success
     assert time == pytest.approx(plan.time_to_go, rel=1e-5)
     assert path_time(model, plan.points) == pytest.approx(time, rel=0.01)
-
-
-def test_pictures_are_drawn_and_rows_written(corners, trajectories, ways, tmp_path, monkeypatch):
-    assert len(draw(tmp_path / "pictures", corners, trajectories, ways)) == 4
-    rows = polygon_rows(corners)
-    monkeypatch.setattr(study, "run_study", lambda effort, folder, executor: (rows, []))
-    study.main(["--quick", "--json", str(tmp_path / "rows.json"), "--out", str(tmp_path / "drawn")])
-    assert len(json.loads((tmp_path / "rows.json").read_text())) == len(rows)

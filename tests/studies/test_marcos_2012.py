@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
 from paretoik.formulations.closed_loop import mean_position_error
 from paretoik.task.objectives import joint_drift
-from studies.marcos_2012 import __main__ as study
 from studies.marcos_2012 import starts, tables
 from studies.marcos_2012.starts import posture as posture_at
 from studies.marcos_2012.starts import start_rows
-from studies.marcos_2012.tables import Cell, cells, follow, paper, table_rows, warm_rows
+from studies.marcos_2012.tables import Cell, cells, follow, paper, table_rows
 from tests.closed_loop.postures import posture
 
 CELL = Cell(links=3, distance=0.7, blocked=False, weight=0.5)
@@ -55,29 +52,3 @@ def test_starts_reach_the_circle_and_decide_the_numbers(monkeypatch):
     rows = start_rows(8)
     assert [row.row for row in rows] == ["Table 1, r = 0.7, 3R", "Table 2, r = 0.7, 3R"]
     assert rows[0].ours >= 1
-
-
-def test_warm_starts_are_reported_apart():
-    rows = warm_rows({(3, 0.7): posture(3)}, seed=0, steps=4)
-    assert [row.row.partition(": ")[2] for row in rows[::2]] == [
-        "random restarts, 200 generations",
-        "random restarts, 20 generations",
-        "warm starts, 20 generations",
-    ]
-    few, warm = rows[2].ours, rows[4].ours
-    assert abs(warm - rows[4].reference) <= abs(few - rows[2].reference)
-
-
-@pytest.mark.usefixtures("here")
-def test_quick_writes_strict_json(tmp_path, monkeypatch):
-    monkeypatch.setattr(study, "STEPS", 4)
-    monkeypatch.setattr(study, "find_starts", lambda selection, seed, executor: {(n, 0.7): posture(n) for n in (3, 4)})
-    file = tmp_path / "rows.json"
-    study.main(["--quick", "--json", str(file), "--out", str(tmp_path / "pictures")])
-    rows = json.loads(file.read_text())
-    assert {row["row"] for row in rows} >= {"no obstacles", "with two obstacles", "3R", "all"}
-    papers = [row for row in rows if row["source"] == "paper"]
-    assert {(row["table"].split(":")[0], row["column"]) for row in papers} == {
-        (table, arm) for table in ("Table 1", "Table 2", "Table 3", "Table 4") for arm in ("3R", "4R")
-    }
-    assert all(row["note"] for row in papers)

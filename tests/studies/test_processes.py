@@ -5,13 +5,11 @@ from __future__ import annotations
 import os
 import time
 from contextlib import closing
-from functools import partial
 
 import pytest
 
 from paretoik.runs.processes import WorkerOptions, WorkerProcesses
 from studies import processes
-from studies.benchmarks.scaling.local_cluster import local_cluster
 
 
 def square(seed):
@@ -67,39 +65,3 @@ def test_stored_runs_are_not_repeated_and_new_runs_are_stored_at_once():
         )
     assert results == {("key",): [0, -1, 4]}
     assert stored == {("key", 0): 0, ("key", 1): -1, ("key", 2): 4}
-
-
-@pytest.mark.usefixtures("here")
-def test_results_have_their_keys_and_errors_are_raised():
-    with processes.processes() as executor:
-        calls = {("a",): partial(divmod, 7, 2), ("b",): partial(divmod, 9, 4)}
-        assert (
-            processes.run_each(executor, calls) == processes.run_each(None, calls) == {("a",): (3, 1), ("b",): (2, 1)}
-        )
-        with pytest.raises(ValueError, match="could not convert"):
-            processes.run_each(executor, {("a",): partial(float, "x")})
-
-
-def test_an_address_where_no_scheduler_can_be_is_refused_in_a_line():
-    with pytest.raises(SystemExit, match="cluster must be the address of a Dask"), processes.workers_of("localhost"):
-        pass
-
-
-@pytest.mark.filterwarnings("ignore:cluster. no worker at .* waiting for one")
-def test_workers_of_a_cluster_run_seeds_as_processes_of_this_machine_do(tmp_path):
-    pytest.importorskip("distributed", reason="Dask is not installed: pip install paretoik[cluster]")
-
-    def run(executor):
-        return processes.run_seeds(
-            executor,
-            divmod,
-            lambda seed: {(name,): [seed, len(name)] for name in ("a", "bcd")},
-            3,
-            limit=60.0,
-            empty=str,
-        )
-
-    with local_cluster(tmp_path, 1) as cluster, processes.processes(cluster.address) as there:
-        found = run(there)
-    with processes.processes() as here:
-        assert found == run(here) == {("a",): [(0, 0), (1, 0), (2, 0)], ("bcd",): [(0, 0), (0, 1), (0, 2)]}

@@ -50,18 +50,6 @@ def test_json_is_strict_and_says_what_the_rows_say(tmp_path_factory, some):
         assert not record
 
 
-def test_rows_are_printed_in_one_table_a_name_in_their_order_with_all_their_parts(capsys):
-    second = row(
-        row="second", unit="N²m²s", ours=0.123456789, reference=0.0912, source="FATROP", note="[nan, nan] [bold]"
-    )
-    report([row(row="first"), row(table="Table 6", row="other"), second])
-    printed = capsys.readouterr().out
-    assert printed.count("Table 5") == printed.count("Table 6") == 1
-    assert [word for word in printed.split() if word in ("first", "second", "other")] == ["first", "second", "other"]
-    for part in ("energy", "N²m²s", "0.12346", "0.0912", "FATROP", "[nan, nan] [bold]"):
-        assert part in printed
-
-
 def test_a_goal_that_is_missed_is_a_loss_and_so_is_no_number():
     place = "Table 5", "simulation 1", "energy", "J s"
     assert [goal_row(*place, ours, 1.0).note for ours in (1.0, 1.1, math.nan)] == ["goal", "LOSS: goal", "LOSS: goal"]

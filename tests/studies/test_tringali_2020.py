@@ -4,27 +4,21 @@ from __future__ import annotations
 
 import csv
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from paretoik.robot.arms import TRINGALI_MASSES
 from problems import tringali_2020
 from studies.reporting import REPORTED
 from studies.tringali_2020 import __main__ as command
-from studies.tringali_2020 import trade_off
 from studies.tringali_2020.masses import PLACES, Prototype
-from studies.tringali_2020.pictures import draw
 from studies.tringali_2020.published import SearchOptions, published_rows
 from studies.tringali_2020.simulations import as_printed, paper, with_arm
 from studies.tringali_2020.trade_off import sweep
-from studies.tringali_2020.validation import bound_row, match_optima
+from studies.tringali_2020.validation import bound_row
 
 FEW = SearchOptions(configurations=4)
-FIGURES = (1, 3, 4, 5, 10, 11, 14)  # those of simulations 1 and 4, and those without a simulation
 
 
 @dataclass
@@ -50,14 +44,6 @@ def study():
         patch.setattr(command, "bound_row", lambda simulation, **_: bound_row(simulation, resolution=0.06))
         patch.setattr(command, "published_rows", lambda one, executor: published_rows(one, options=FEW))
         return Study(*command.run_study(starts=12, points=3, candidates=300, seeds=2, rehearsed=False))
-
-
-@pytest.fixture(scope="module")
-def pictures(study, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("pictures") / "made"
-    names = match_optima(study.simulations["fitted"][0])
-    some = {"fitted": [study.simulations["fitted"][k] for k in (0, 3)]}
-    return draw(folder, some, study.falling[:1], study.trades[:1], names)
 
 
 def reported():
@@ -184,21 +170,6 @@ def test_epsilon_as_an_equality_holds_and_never_beats_the_inequality(study):
     assert below[0, 1] <= level + 1e-8
     assert equal[0, 1] == pytest.approx(level, rel=1e-7)
     assert below[0, 0] <= equal[0, 0] * (1 + 1e-7)
-
-
-def test_a_picture_of_every_figure_that_has_something_to_show_is_written(pictures):
-    assert sorted(file.name for file in pictures) == [f"figure_{number:02d}_fitted.png" for number in FIGURES]
-
-
-@settings(max_examples=30)
-@given(
-    st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1)), min_size=1, max_size=12, unique=True), st.floats(0.01, 0.99)
-)
-def test_weights_find_points_on_the_hull(points, weight):
-    shares = np.array(sorted(points))
-    front = SimpleNamespace(shares=shares)
-    worth = shares @ [weight, 1 - weight]
-    assert worth[trade_off.hull(front)].min() == pytest.approx(worth.min(), abs=1e-12)
 
 
 def test_fitted_masses_fit_and_each_of_them_matters():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from contextlib import nullcontext
 from math import comb
 
 import numpy as np
@@ -14,8 +12,6 @@ from hypothesis import strategies as st
 import paretoik as pk
 from paretoik.resolution.predictive import quartic_spline
 from problems import tringali_2021
-from studies.reporting import Row
-from studies.tringali_2021 import __main__ as study
 from studies.tringali_2021.readings import READINGS, Reading, reading_row, slsqp
 from studies.tringali_2021.splines import thrice_continuous
 from studies.tringali_2021.trajectories import (
@@ -138,18 +134,3 @@ def test_casadi_finds_the_same_minima_of_the_windows():
     rows = peers.window_rows("fitted", rounds=1, numbers=(1,))
     assert [row.column for row in rows] == ["ours", "SQP with qrqp, CasADi", "FATROP, CasADi"]
     assert all("the same minimum in 17 of 17" in row.note for row in rows)
-
-
-def test_pictures_are_drawn_and_rows_written(trajectories, tmp_path, monkeypatch):
-    monkeypatch.setattr(study, "MASSES", ("fitted",))
-    monkeypatch.setattr(study, "resolve_trajectory", lambda number, masses, **_: trajectories[number - 1])
-    for slow in ("real_time_rows", "schedule_rows", "spline_rows", "other_way_rows", "_window_rows"):
-        monkeypatch.setattr(study, slow, lambda *_, **__: [])
-    monkeypatch.setattr(study, "processes", lambda _: nullcontext())
-    for slow in ("circle_row", "reading_row"):
-        monkeypatch.setattr(study, slow, lambda *_, **__: Row("", "", "", "", 0.0))
-    study.main(["--quick", "--json", str(tmp_path / "rows.json"), "--out", str(tmp_path / "drawn")])
-    rows = json.loads((tmp_path / "rows.json").read_text())
-    assert {row["table"] for row in rows} >= {"Table 5, fitted masses", "Figure 8, fitted masses"}
-    numbers = {int(file.name.split("_")[1]) for file in (tmp_path / "drawn").iterdir()}
-    assert numbers == set(range(3, 13))

@@ -188,16 +188,6 @@ def test_a_path_just_out_of_reach_is_refused_with_sample_distance_and_nearest_po
     np.testing.assert_allclose(eval(nearest), REACH * np.array([np.cos(sample / 20), np.sin(sample / 20)]), atol=2e-6)
 
 
-@pytest.mark.parametrize(("sample", "first"), [(10, 6)])
-def test_a_path_far_out_of_reach_is_refused_at_its_first_sample_beyond(sample, first):
-    path = stretched_to(REACH + 1.0, sample)
-    with pytest.raises(OutOfReach) as refused:
-        rollout_starts(task_of(tringali_3r(), path), 60, chance())
-    distance = np.linalg.norm(path.positions[refused.value.sample])
-    assert refused.value.sample == first
-    assert f" m is {distance - REACH:.3g} m from" in str(refused.value)
-
-
 def test_a_path_through_the_hole_around_the_base_is_refused():
     arm = Arm.planar(lengths=[1.0, 0.3, 0.3])
     path = line([-0.8, 0.05], [0.8, 0.05], duration=1.0, samples=41)

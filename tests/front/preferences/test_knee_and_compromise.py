@@ -14,30 +14,6 @@ from tests.front.random_fronts import random_front
 few = settings(max_examples=40)
 
 
-def hollow() -> Front:
-    """Return a quarter circle that bulges away from the best corner: weights reach only its ends."""
-    angles = np.linspace(0.0, np.pi / 2, 21)
-    return Front(
-        ids=np.arange(21),
-        objectives=np.stack([np.sin(angles), np.cos(angles)], axis=1),
-        names=["a", "b"],
-        units=["", ""],
-        maximised=[False] * 2,
-    )
-
-
-@few
-@given(st.integers(0, 10**6))
-def test_no_point_has_a_smaller_largest_share_than_the_compromise(seed):
-    front = random_front(seed)
-    worst = front.shares.max(axis=1)
-    assert worst[compromise(front).index] <= worst.min() + 1e-4 * len(front.names)
-
-
-def test_the_compromise_of_a_hollow_front_is_in_its_middle():
-    assert compromise(hollow()).index == 10
-
-
 def test_naming_an_objective_twice_does_not_move_the_compromise():
     front = random_front(4, n_obj=2)
     twice = Front(

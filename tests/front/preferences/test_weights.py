@@ -2,15 +2,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
 from paretoik.front.preferences import Bounds, Classify, Weights
 
 LINE = np.linspace(0.1, 1.0, 7)
-few = settings(max_examples=30)
 
 
 def curve(**changes) -> Front:
@@ -22,50 +19,6 @@ def curve(**changes) -> Front:
         "maximised": [False, False],
     }
     return Front(**(settings | changes))
-
-
-@few
-@given(st.floats(0, 1e308), st.floats(0, 1e308))
-def test_the_least_weighted_sum_of_shares_wins(energy, torque):
-    if energy == torque == 0:
-        return
-    front = curve()
-    z = (front.objectives - front.objectives.min(0)) / np.ptp(front.objectives, axis=0)
-    w = np.array([energy, torque]) / max(energy, torque)
-    g = z @ (w / w.sum())
-    choice = front.select(Weights(energy=energy, torque=torque))
-    assert g[choice.index] <= g.min() + 1e-12
-    assert choice.id == front.ids[choice.index]
-    assert (choice.objectives == front.objectives[choice.index]).all()
-
-
-@few
-@given(st.floats(0.01, 100), st.floats(0.01, 100), st.floats(-1e3, 1e3), st.floats(0.01, 1.0))
-def test_neither_units_nor_the_sum_of_the_weights_matter(scale, factor, offset, weight):
-    front = curve()
-    other = curve(objectives=front.objectives * [scale, 1.0] + [0.0, offset])
-    weights = {"energy": weight, "torque": 1.0}
-    chosen = front.shares @ [weight, 1.0]
-    if np.diff(np.sort(chosen)[:2]) < 1e-9:
-        return
-    assert front.select(Weights(weights)).id == other.select(Weights({k: factor * w for k, w in weights.items()})).id
-
-
-def test_shares_are_taken_of_the_stored_range_and_not_of_the_front():
-    near = curve(ranges=np.array([[0.0, 1.0], [0.0, 10.0]]))
-    far = curve(ranges=np.array([[0.0, 1.0], [0.0, 1e6]]))
-    assert far.select(Weights(energy=0.5, torque=0.5)).id == 100
-    assert near.select(Weights(energy=0.5, torque=0.5)).id > 100
-
-
-def test_ties_go_to_the_lowest_sum_then_the_best_first_objective_then_the_lowest_id():
-    sums = np.array([[0.0, 0.6, 1.0], [0.0, 0.9, 0.5], [1.0, 0.0, 0.0]])
-    more = {"names": ["a", "b", "c"], "units": [""] * 3, "maximised": [False] * 3}
-    assert curve(ids=np.array([1, 2, 3]), objectives=sums, **more).select(Weights(a=1.0)).id == 2
-    front = curve(ids=np.array([9, 5, 7]), objectives=np.array([[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]]))
-    assert front.select(Weights(energy=1.0, torque=1.0)).id == 9
-    front = curve(ids=np.array([9, 5, 7]), objectives=np.array([[0.0, 1.0], [0.0, 1.0], [1.0, 0.0]]))
-    assert front.select(Weights(energy=1.0, torque=1.0)).id == 5
 
 
 def test_the_verdict_says_what_was_weighed_and_which_points_no_weights_reach():

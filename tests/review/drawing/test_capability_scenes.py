@@ -7,7 +7,6 @@ import pytest
 
 import paretoik as pk
 from paretoik.capability import JointActuation, MotorCurve
-from paretoik.review.drawing.axes import TEXT, text_width
 from tests.api.problems import PATH
 from tests.capability.test_geodesic import Even
 from tests.review.reading import SECOND, blank_views, last_text, missing_entities, read, rows, static_words, views
@@ -129,12 +128,6 @@ def test_directional_maxima_grow_direction_by_direction(tmp_path, quantity):
     assert [len(corners[number]) for number in range(1, 6)] == [1, 2, 3, 4, 5]
     names = rows(entities["/maxima/chosen/name"], "direction", "labels")
     assert [str(names[number][0]) for number in range(1, 6)] == [f"direction {number}" for number in range(1, 6)]
-    middles = rows(entities["/maxima/chosen/name"], "direction", "positions")
-    rays = rows(entities["/maxima/chosen/ray"], "direction", "strips")
-    for number, middle in middles.items():
-        ray = np.linspace(*rays[number][0])
-        inside = np.abs(ray - middle[0] - (0.0, TEXT.drop)) < (0.5 * text_width("direction 1"), 0.5 * TEXT.line)
-        assert not inside.all(axis=1).any()
     limited = "velocity" if quantity == "velocity" else "torque"
     assert f"/charts/{limited}/limits" in entities
     unit = "m/s" if quantity == "velocity" else "N"

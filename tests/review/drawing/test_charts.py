@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import rerun as rr
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from paretoik.review.drawing.axes import TEXT, text_width
-from paretoik.review.drawing.charts import Chart, LimitLine, fit_below_tabs
+from paretoik.review.drawing.charts import Chart, LimitLine
 from paretoik.review.drawing.motion import joint_charts
-from paretoik.review.palette import SCREEN, VIEWS
+from paretoik.review.palette import SCREEN
 from paretoik.review.recording.messages import Workcell
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.task.motion import Motion
-from tests.review.reading import Drawn, drawn_labels, read, static_values
+from tests.review.reading import drawn_labels
 
 TIME = np.linspace(0.0, 2.0, 5)
 KINDS = {"position": "q", "velocity": "dq", "torque": "torque"}
@@ -92,51 +90,3 @@ def test_joints_that_stand_still_look_still(arm, duration):
     for kind in charts.keys() & {"velocity", "torque"}:
         low, high = ends(charts[kind])
         assert high - low > 1e6 * np.ptp(curves[kind])
-
-
-def test_charts_in_nested_tabs_are_lower_by_the_row_of_names():
-    titles = ["hypervolume of all objectives", "front points, failures", "best kinetic_energy", "best torque_norm"]
-    drawn = [chart(TIME, title=title) for title in titles]
-    fitted = fit_below_tabs(drawn)
-    assert [each.total[1] for each in fitted] == [VIEWS.chart[1]] * 2 + [VIEWS.chart[1] - VIEWS.title] * 2
-    assert [each.total for each in fit_below_tabs(drawn[:2])] == [VIEWS.chart] * 2
-
-
-def test_a_curve_of_one_point_is_a_dot_in_its_colour(tmp_path):
-    instants = np.array([0.0, 0.5, 1.0, 2.0])
-    curves = np.array([[3.0, 2.0, np.nan, np.nan], [np.nan, np.nan, 1.0, np.nan], [np.nan] * 4])
-    chart = Chart(
-        entity="chart",
-        title="best",
-        labels=("level", "best"),
-        shown=np.stack([np.tile(instants, 3), curves.ravel()], axis=1),
-        names=["26 samples", "51 samples", "101 samples"],
-        colours=[SCREEN.joint(number) for number in range(3)],
-    )
-    with rr.RecordingStream("paretoik-test") as stream:
-        stream.save(tmp_path / "chart.rrd")
-        chart.draw(stream, instants, curves, static=True)
-    batches = read(tmp_path / "chart.rrd")["/chart/curves"]
-    (dot,) = static_values(batches, "positions")
-    np.testing.assert_allclose(dot, chart.canvas.place(np.array([1.0, 1.0])), rtol=1e-6)
-    (column,) = [name for name in batches[-1].schema.names if name == "Points2D:colors"]
-    (colour,) = batches[-1].column(column).to_pylist()[-1]
-    assert colour == int.from_bytes(bytes(SCREEN.joint(1)), "big")
-    (column,) = [name for name in batches[-1].schema.names if name == "LineStrips2D:strips"]
-    assert [len(strip) for strip in batches[-1].column(column).to_pylist()[-1]] == [2, 1, 0]
-
-
-@given(st.lists(st.integers(0, 300), min_size=2, max_size=9, unique=True))
-@settings(max_examples=40)
-def test_names_of_curves_keep_their_order_and_cover_neither_each_other_nor_the_ticks(ends):
-    values, stream = np.array(ends)[:, None] * np.ones(2), Drawn()
-    names, colours = [f"curve {number}" for number in range(len(ends))], [SCREEN.text] * len(ends)
-    chart = Chart.over("time [s]", "chart", "position", np.arange(2.0), values, colours, names=names)
-    chart.draw(stream, chart.instants, values)
-    places = np.array(stream.drawn["charts/chart/names"][0].positions.as_arrow_array().to_pylist())
-    (x, y), order = places.T, np.argsort(-values[:, 0], kind="stable")
-    assert (np.diff(y[order]) >= -1e-3).all()
-    for one in range(len(ends)):
-        for other in range(one):
-            assert abs(y[one] - y[other]) >= TEXT.line - 1e-3 or abs(x[one] - x[other]) >= text_width("curve 0")
-    assert y.max() + TEXT.drop <= chart.canvas.height

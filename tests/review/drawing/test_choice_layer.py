@@ -17,7 +17,7 @@ from paretoik.review.recording.viewer import private_environment
 from paretoik.runs.files import RECORDING, RUN, read_run
 from paretoik.runs.folder import lock_folder
 from tests.review.disks import small_disk
-from tests.review.reading import blank_views, first_instants, layout_parts, read, static_values, views
+from tests.review.reading import blank_views, first_instants, read, static_values, views
 
 
 def problem() -> pk.Tracking:
@@ -199,18 +199,6 @@ def test_a_recording_with_a_choice_is_still_the_same_run(front):
     front.select("compromise")
     assert read_run(front.folder / RUN) == before
     assert pk.load_front(front.folder, problem()).objectives.tolist() == front.objectives.tolist()
-
-
-# The views of a recorded run next to a choice: charts with their original sizes and names.
-
-
-def test_a_run_next_to_a_choice_keeps_its_views(choice_recordings):
-    """Titles, texts, and everything else of a view of the recorded layout; none has the name of the choice."""
-    alone, with_choice = map(layout_parts, choice_recordings)
-    recorded = {path: part for path, part in alone.items() if path.split("/")[0] in ("container", "view")}
-    assert recorded.items() <= with_choice.items()
-    titles = {part.get("ViewBlueprint:display_name", [""])[0] for part in recorded.values()}
-    assert {"front", "arm", "joint torque", "generation, chosen", "why"} <= titles
 
 
 def test_a_runs_views_next_to_a_choice_begin_with_the_run(choice_recordings):

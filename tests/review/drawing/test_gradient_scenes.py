@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.front.preferences.knee_and_compromise import compromise
 from paretoik.review.drawing.choice_layer import RecordedRun, recording_with_choice
 from tests.review.reading import (
     FRAME,
@@ -107,20 +106,6 @@ def test_a_plan_ends_on_its_optima_and_its_best_moves(plan):
     assert f"`{found.best.label}`" in words
 
 
-def test_best_is_the_best_while_another_optimum_is_looked_at(plan, tmp_path):
-    found, _, file = plan
-    several = found if len(found.optima) > 1 else pk.plan(problem(pk.kinetic_energy), starts=12, out=tmp_path)
-    entities = read(file if several is found else tmp_path / "review.rrd")
-    assert len(several.optima) > 1
-    best = rows(entities["/objective/best"], "optimum", "labels")
-    seen = rows(entities["/objective/looked_at"], "optimum", "labels")
-    assert list(best) == [0]  # it is marked once and stays
-    assert best[0].tolist() == ["best"]
-    assert {place: words.tolist() for place, words in seen.items() if len(words)} == {
-        place: [f"optimum {place}"] for place in range(1, len(several.optima))
-    }
-
-
 def test_every_start_of_a_plan_leads_to_what_is_drawn_of_it(plan):
     _, tried, file = plan
     entities = read(file)
@@ -189,40 +174,6 @@ def test_an_epsilon_front_has_all_entities_at_every_level(fronts):
     assert bounded
     assert bounded.items() <= dict(zip(front.names, front.units, strict=True)).items()
     assert "● ε: bound of this level" in static_words(entities["/legend/words"])
-
-
-def test_a_point_looked_at_is_marked_next_to_the_compromise_which_stays(fronts):
-    folder, front, _, _ = fronts
-    entities = read(folder / "front" / "review.rrd")
-    seen = rows(entities[f"{PANEL}/looked_at"], "point", "labels")
-    assert [seen[place].tolist() for place in range(len(front))] == [[f"point {number}"] for number in front.ids]
-    chosen = rows(entities[f"{PANEL}/chosen"], "point", "labels")
-    assert {place: words.tolist() for place, words in chosen.items()} == {0: [f"point {compromise(front).id}"]}
-    own = rows(entities[f"{PANEL}/looked_at/name"], "point", "positions")  # but the compromise already has its name
-    assert [len(own[place]) for place in range(len(front))] == [int(id != compromise(front).id) for id in front.ids]
-    assert list(rows(entities[f"{PANEL}/chosen/name"], "point", "labels")) == [0]
-    assert list(rows(entities[f"{PANEL}/ends"], "point", "positions")) == [0]
-    words = static_words(entities["/legend/words"])
-    assert {"● point looked at", "● arm of the compromise, or of the point looked at"} <= set(words)
-
-
-def test_points_of_a_level_are_named_by_it_because_the_final_front_renumbers(fronts):
-    folder, front, _, _ = fronts
-    entities = read(folder / "front" / "review.rrd")
-    texts = rows(entities["/text"], "level", "text")
-    names = rows(entities[f"{PANEL}/chosen"], "level", "labels")
-    beside = rows(entities[f"{PANEL}/chosen/name"], "level", "labels")
-    assert {level: str(words[0]).split("\n")[0] for level, words in beside.items()} == {
-        level: str(words[0]) for level, words in names.items()
-    }
-    ends = rows(entities[f"{PANEL}/ends"], "level", "labels")
-    last = max(names)
-    assert names[last].tolist() == [f"point {compromise(front).id}"]
-    for level in set(names) - {last}:
-        (name,) = names[level].tolist()
-        assert name.endswith(f" of level {level}")
-        assert all(f" of level {level}, best " in str(each) for each in ends[level])
-        assert f"{name} (the final front renumbers its points)" in str(texts[level][0])
 
 
 def test_a_refinement_shows_before_and_after_and_where_points_came_from(fronts):

@@ -26,10 +26,3 @@ def test_all_names_fit_and_every_view_is_there_in_its_order(width):
     names = [str(part.name) for part in found.contents]
     assert VIEWS.tab_controls + sum(VIEWS.tab_margin + VIEWS.tab_character * len(name) for name in names) <= width
     assert [view.origin for view in leaves(found)] == [f"/{number}" for number in range(len(SEARCH))]
-
-
-def test_views_with_a_common_first_word_become_nested_tabs_before_any_name_is_cut():
-    found = tabs(["hypervolume", *SEARCH[2:]], 600.0)
-    assert [part.name for part in found.contents] == ["hypervolume", "best", "front points, failures"]
-    inner = [view.name for view in found.contents[1].contents]
-    assert inner == ["best kinetic_energy", "best torque_norm", "best obstacle_clearance ↑"]

@@ -7,14 +7,12 @@ import pytest
 import rerun as rr
 
 from paretoik.review.drawing.step_drawing import StepScene
-from paretoik.review.palette import MARKS, SCREEN
 from paretoik.review.recording.recorder import SearchedFront, SearchedStep
 from tests.review.conftest import swinging_arm
 from tests.review.reading import last_text, read, rows, static_words
 
 LOOP = SearchedFront(names=("displacement", "share"), units=("rad", ""), maximised=(False, False), timeline="step")
 TRADE_OFF = np.stack([np.linspace(0.0, 1.0, 6), np.linspace(1.0, 0.0, 6)], axis=1)
-BEHIND = np.array([[0.0, 1.0], [1.0, 0.0], [0.4, 0.4], [0.7, 0.8], [0.8, 0.8], [5.0, 5.0]])
 
 
 def step(objectives, reach: float, *, planar: bool = True) -> SearchedStep:
@@ -61,12 +59,6 @@ def test_arms_of_the_front_are_named_if_they_are_visible_next_to_the_chosen_one(
     assert ("All arms of the front are below the white one, at most" in words) == (not is_seen)
 
 
-@pytest.mark.parametrize(("generations", "is_drawn"), [([TRADE_OFF], False), ([TRADE_OFF, BEHIND], True)])
-def test_a_population_is_in_the_legend_if_an_individual_outside_the_front_is_drawn(tmp_path, generations, is_drawn):
-    _, entities = recorded(step(generations, 0.5), tmp_path / "step.rrd")
-    assert ("population" in legend(entities)) == is_drawn
-
-
 def test_individuals_outside_the_axes_of_a_front_of_one_point_are_counted(tmp_path):
     best = np.concatenate([np.full((1, 2), -1.0), TRADE_OFF[1:]])
     _, entities = recorded(step([best, TRADE_OFF], 0.5), tmp_path / "step.rrd")
@@ -76,14 +68,3 @@ def test_individuals_outside_the_axes_of_a_front_of_one_point_are_counted(tmp_pa
     assert "1 point on its front" in words
     assert "5 of 6 individuals are outside the axes, which show the region around the front." in words
     assert "outside the axes" not in last_text(entities["/step_7/text"], "generation", 1)
-
-
-def test_the_target_of_the_tool_is_visible_around_a_tool_at_the_target(tmp_path):
-    scene, entities = recorded(step([TRADE_OFF], 0.5), tmp_path / "step.rrd")
-    (ring,) = rows(entities["/step_7/arm/place"], "generation", "strips")[0]
-    middle = scene._drawing.stage.place(scene.step.target)
-    radii = np.linalg.norm(np.array(ring) - middle, axis=1)
-    np.testing.assert_allclose(radii, MARKS.target_ring, rtol=1e-3)
-    assert MARKS.target_ring - 1.2 > 1.875 * MARKS.solid_arm  # the radius of the tool
-    assert ("target of the tool", SCREEN.path) in scene._legend.entries
-    assert "path to follow" not in legend(entities)  # there is none

@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-import pytest
-import rerun as rr
 
-from paretoik.front.certificates import Certificates
-from paretoik.front.front import Front
-from paretoik.review.drawing.point_text import point_text, step_text, text_of
-from paretoik.review.drawing.scatter import Scatter
+from paretoik.review.drawing.point_text import text_of
 from paretoik.review.drawing.search_drawing import search_charts
 from paretoik.review.recording.messages import RecordedPoint
 from paretoik.review.recording.recorder import Generation, SearchedFront
 from paretoik.review.words import run_text
-from tests.review.reading import read, rows
 
 
 def scene(timeline: str = "generation") -> SearchedFront:
@@ -36,35 +28,6 @@ def test_an_empty_front_says_why_it_is_empty():
     assert "satisfies all limits" not in text_of(scene(), generation([[1.0, 2.0]]))
 
 
-@pytest.mark.parametrize("timeline", ["generation", "step"])
-def test_one_point_is_counted_in_the_singular(timeline):
-    chosen = np.array([1.0, 2.0]) if timeline == "step" else None
-    words = (step_text if chosen is not None else text_of)(scene(timeline), generation([[1.0, 2.0]], chosen=chosen))
-    assert "1 point on " in words
-    assert "1 points" not in words
-
-
-def chosen_place(steps: SearchedFront, step: Generation, file: Path) -> np.ndarray:
-    """Return the place of a step's chosen point."""
-    stream = rr.RecordingStream("step")
-    stream.save(file)
-    stream.set_time("step", sequence=step.number)
-    Scatter(scene=steps, shown=step.front).log_generation(stream, step)
-    stream.disconnect()
-    return rows(read(file)["/front/energy\\ -\\ reach/chosen"], "step", "positions")[step.number][0]
-
-
-def test_the_only_point_of_a_step_is_in_the_middle_with_a_note_that_it_has_no_range(tmp_path):
-    steps, one = scene("step"), generation([[1.0, 2.0]], chosen=np.array([1.0, 2.0]))
-    assert "no range" in step_text(steps, one)
-    several = generation([[1.0, 2.0], [2.0, 3.0]], chosen=np.array([1.0, 2.0]))
-    assert "no range" not in step_text(steps, several)
-    place = Scatter(scene=steps, shown=one.front).panels[0].canvas.place
-    np.testing.assert_allclose(chosen_place(steps, one, tmp_path / "one.rrd"), place(np.array([0.5, 0.5])), rtol=1e-5)
-    corner = place(np.array([0.0, 0.0]))
-    np.testing.assert_allclose(chosen_place(steps, several, tmp_path / "several.rrd"), corner, rtol=1e-5)
-
-
 def test_numbers_of_a_generation_have_their_units():
     point = RecordedPoint(id=0, objectives=np.array([1.5, 2.0]))
     both = generation([[1.0, 2.0], [2.0, 3.0]], hypervolume=0.5, points=(point,))
@@ -75,36 +38,6 @@ def test_numbers_of_a_generation_have_their_units():
     titles = [chart.labels[1] for chart in search_charts(scene(), [both])]
     assert titles[0] == "hypervolume [J s]"
     assert titles[2] == "best reach [1] ↑"
-
-
-def certified() -> Front:
-    """Return a front of objectives with and without a unit, each point with exchange rates."""
-    rates = np.array([[[-1.0, -0.003096], [-323.0, -1.0]]] * 2)
-    return Front(
-        ids=np.arange(2),
-        objectives=np.array([[1.0, 3.0], [2.0, 2.0]]),
-        names=("energy", "distance"),
-        units=("J s", ""),
-        maximised=(False, False),
-        certificates=Certificates(
-            violation=np.zeros(2),
-            violation_between=np.zeros(2),
-            criticality=np.zeros(2),
-            weights=np.full((2, 2), 0.5),
-            exchange_rates=rates,
-            exchange_intervals=np.full((2, 2, 2, 2), np.nan),
-            status=np.array(["minimum", "minimum"]),
-        ),
-    )
-
-
-def test_a_quantity_without_a_unit_is_a_number_in_rates_and_steps():
-    words = point_text(certified(), 0, chosen=None).replace("\u00a0", " ")
-    assert "- 1 J s more of energy: -0.003096 of distance [1]\n" in words
-    assert "- 1 more of distance [1]: -323 J s of energy" in words
-    step = generation([[1.0, 2.0], [2.0, 3.0]], chosen=np.array([1.0, 2.0]))
-    assert "**reach**: chosen 2; front: 2 to 3" in step_text(scene("step"), step)
-    assert "  " not in words + step_text(scene("step"), step)
 
 
 def test_a_run_is_told_in_words():

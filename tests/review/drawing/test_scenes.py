@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import paretoik as pk
 from paretoik.front.preferences.knee_and_compromise import compromise
 from paretoik.review.drawing.choice_layer import RecordedRun, recording_with_choice
-from paretoik.review.drawing.motion import limit_lines
-from paretoik.review.palette import SCREEN
-from paretoik.review.recording.messages import record_motion, workcell_of
+from paretoik.review.recording.messages import record_motion
 from problems.kim_2021 import directions_dam, point_to_point_dam
 from problems.marcos_2012 import loop
 from tests.review.reading import (
@@ -176,67 +173,6 @@ def test_the_text_describes_what_is_shown(run):
     along = rows(words, "point", "text")
     assert len(along) >= (min(len(front), 3) if len(front) > 1 else 0)
     assert all(str(text[0]).startswith("# Point ") for text in along.values())
-
-
-def static_values(batches: list, component: str) -> np.ndarray:
-    (value,) = [
-        batch.column(name).to_pylist()[-1]
-        for batch in batches
-        for name in batch.schema.names
-        if name.split(":")[-1] == component and not set(batch.schema.names) & set(INSTANTS)
-    ]
-    return np.array(value)
-
-
-def test_nothing_that_runs_inside_links_or_along_a_path_is_hidden_by_them(run):
-    name, _, file = run
-    entities = read(file)
-    if name == "spatial":
-        ((tint,), (radius,)) = (static_values(entities["/arm/chosen/body"], each) for each in ("colors", "radii"))
-        assert tint & 0xFF < 0x80
-        assert radius == np.float32(0.02)
-        turns = rows(entities["/arm/chosen/body"], "motion", "quaternions")
-        lengths = rows(entities["/arm/chosen/body"], "motion", "lengths")
-        starts = rows(entities["/arm/chosen/body"], "motion", "translations")
-        nodes = rows(entities["/arm/chosen/links"], "motion", "strips")
-        for time in nodes:
-            axes = Rotation.from_quat(turns[time]).apply(np.array([0.0, 0.0, 1.0])) * lengths[time][:, None]
-            links = np.diff(nodes[time][0], axis=0)
-            there = np.linalg.norm(links, axis=1) > 1e-6
-            np.testing.assert_allclose(axes, links[there], atol=1e-6)
-            np.testing.assert_allclose(starts[time], nodes[time][0][:-1][there], atol=1e-6)
-        beads = static_values(entities["/arm/target"], "positions")
-        np.testing.assert_allclose(beads[[0, -1]], [(0.6, -0.1, 0.4), (0.6, 0.2, 0.5)], atol=1e-6)
-    if name == "planar":
-        followed = static_values(entities["/arm/target"], "radii")
-        gone = rows(entities["/arm/chosen/path"], "generation", "radii")
-        assert all(abs(followed[0]) > 2 * abs(radii[0]) for radii in gone.values())
-    if name in ("planar", "spatial"):
-        assert "● its links" in static_words(entities["/legend/words"])
-
-
-def test_limits_that_joints_share_are_drawn_once_in_the_colours_of_all_of_them():
-    arm = pk.arms.wan_7r()
-    path = pk.line([0.5, -0.2, 0.4], [0.5, 0.2, 0.4], duration=1.0, samples=11)
-    task = pk.Tracking(arm, path, objectives=[pk.joint_travel], limits=pk.Limits(position=[2, 1, 2, 1, 2, 3, 2]))
-    workcell = workcell_of(task)
-    assert workcell is not None
-    lines = limit_lines(workcell, "position", 1.0)
-    assert sorted(float(line.values[0]) for line in lines) == [-3, -2, -1, 1, 2, 3]
-    named = {float(line.values[0]): line for line in lines}
-    assert [named[2.0].name, named[3.0].name] == [", ".join(arm.joint_names[::2]), arm.joint_names[5]]
-    assert list(named[-1.0].colours) == [SCREEN.joint(1), SCREEN.joint(3)]
-
-
-def test_each_axis_has_ticks_and_a_unit(run):
-    name, _, file = run
-    entities = read(file)
-    planar = name != "spatial"
-    (labels,) = [column for column in entities["/arm/axes/labels"][0].schema.names if column.endswith(":labels")]
-    words = entities["/arm/axes/labels"][0].column(labels).to_pylist()[0]
-    assert {"x [m]", "y [m]"} <= set(words)
-    assert ("z [m]" in words) is not planar
-    assert sum(word.lstrip("-").replace(".", "").isdigit() for word in words) >= 4
 
 
 def test_two_choices_are_shown_in_the_same_recording(run, tmp_path):

@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik.formulations.protocol import Timeline
-from paretoik.front.hypervolume import HypervolumeCurve, HypervolumeOptions, estimate_hypervolume, hypervolume
+from paretoik.front.hypervolume import HypervolumeCurve, HypervolumeOptions, hypervolume
 from paretoik.review.drawing.search_drawing import FrontReduction, search_entries
 from paretoik.review.recording.recorder import Generation, SearchedFront
+from tests.review.conftest import sphere
 
 
 @pytest.mark.parametrize("timeline", get_args(Timeline))
@@ -26,11 +27,6 @@ def test_no_two_things_in_the_picture_of_a_front_have_one_colour(timeline, n_obj
 
 def generation(front: np.ndarray, **settings) -> Generation:
     return Generation(number=1, population=front, front=front, front_ids=np.arange(len(front)) + 7, **settings)
-
-
-def sphere(points: int, n_obj: int, seed: int = 0) -> np.ndarray:
-    directions = np.abs(np.random.default_rng(seed).normal(size=(points, n_obj)))
-    return 2.0 - directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
 @given(seed=st.integers(0, 99))
@@ -81,12 +77,3 @@ def test_hypervolumes_that_take_more_than_their_share_of_the_time_are_left_out()
     reduction._hypervolume = HypervolumeCurve(HypervolumeOptions(share=1e-9))
     large = generation(sphere(4000, 4), reference=np.full(4, 3.0))
     assert [reduction.reduce(large).hypervolume is None for _ in range(4)] == [False, False, True, True]
-
-
-def test_the_hypervolume_of_seven_objectives_is_an_estimate(monkeypatch):
-    import moocore
-
-    monkeypatch.delattr(moocore, "hypervolume")
-    front = sphere(1000, 7)
-    kept = FrontReduction(maximised=(False,) * 7, points=20).reduce(generation(front, reference=np.full(7, 2.2)))
-    assert kept.hypervolume == pytest.approx(estimate_hypervolume(front, np.full(7, 2.2), np.full(7, 1.2)), rel=0.02)

@@ -8,8 +8,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -22,11 +20,9 @@ from paretoik.front.front import Front
 from paretoik.front.preferences import Weights
 from paretoik.review.pictures.certificates import certificates_picture
 from paretoik.review.pictures.fronts import (
-    NAMES,
     comparison_picture,
     front_picture,
     highlighted,
-    name_place,
     stroboscopic,
 )
 from tests.review.pictures.test_certificates import certified
@@ -138,27 +134,6 @@ def test_every_obstacle_is_in_the_picture_of_a_motion(planar, make_front):
     else:
         reached = np.concatenate([np.stack(line.get_data_3d(), axis=1) for line in axes.lines[:3]])
         np.testing.assert_allclose(np.ptp(reached, axis=0), 0.6, rtol=0.01)
-
-
-# Names of points in pictures of fronts.
-
-
-SIZE = np.array([300.0, 200.0])
-HALF = np.array([12.0, 5.0])
-places = st.tuples(st.floats(20, 280), st.floats(10, 190))
-
-
-@given(places, st.lists(places, max_size=60))
-@settings(max_examples=40)
-def test_a_name_lies_in_its_axes_and_on_nothing_where_a_place_is_free(mark, others):
-    taken = np.array([mark, *others])
-    middle = name_place(np.array(mark), HALF, taken, SIZE)
-    assert (middle - HALF >= -1e-9).all()
-    assert (middle + HALF <= SIZE + 1e-9).all()
-    grid = np.stack(np.meshgrid(*(np.linspace(h, s - h, NAMES.grid) for h, s in zip(HALF, SIZE, strict=True))), axis=-1)
-    free = [not (np.abs(taken - place) < HALF + NAMES.gap).all(axis=1).any() for place in grid.reshape(-1, 2)]
-    if any(free):
-        assert not (np.abs(taken - middle) < HALF).all(axis=1).any()
 
 
 @pytest.mark.parametrize("n_obj", [1, 2, 3, 5])

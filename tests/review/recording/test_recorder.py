@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -71,12 +70,6 @@ def test_every_generation_of_an_unfinished_run_is_kept_exactly(n_obj, tmp_path, 
     check_generations(read(tmp_path / "review.rrd"), generations)
 
 
-@pytest.mark.parametrize("n_obj", [1, 3])
-def test_every_generation_is_kept_exactly(n_obj, search):
-    _, _, generations, entities = search(n_obj)
-    check_generations(entities, generations)
-
-
 def check_generations(entities, generations) -> None:
     for layer, exact in (("population", lambda g: g.population), ("front", lambda g: g.front)):
         F = rows(entities[f"/search/{layer}"], "generation", "F")
@@ -89,14 +82,6 @@ def check_generations(entities, generations) -> None:
     assert counts[0].tolist() == [len(generations[0].front), 1.0]
 
 
-def test_the_best_value_of_each_objective_is_followed(search):
-    _, _, generations, entities = search(3)
-    lowest_energy = rows(entities["/search/best/kinetic_energy"], "generation", "scalars")
-    highest_manipulability = rows(entities["/search/best/manipulability"], "generation", "scalars")
-    assert lowest_energy[2][0] == generations[2].front[:, 0].min()
-    assert highest_manipulability[2][0] == generations[2].front[:, 2].max()
-
-
 def test_the_end_stands_on_both_timelines(search):
     front, choice, _, entities = search(2)
     for timeline, time in (("generation", 3), ("motion", 0)):
@@ -107,59 +92,6 @@ def test_the_end_stands_on_both_timelines(search):
     both = {"generation", "motion"}
     drawn = [path for path in entities if path.startswith(("/front/", "/arm/", "/joint_charts/", "/charts/"))]
     assert all(timelines(entities[path]) in (both, set()) for path in drawn)
-
-
-@pytest.mark.parametrize("planar", [True, False])
-def test_the_chosen_motion_is_replayed_sample_by_sample(planar, search):
-    _, choice, _, entities = search(2, planar)
-    nanoseconds = np.round(choice.motion.time * 1e9).astype(int).tolist()
-    for name, values in (
-        ("position", choice.motion.q),
-        ("velocity", choice.motion.dq),
-        ("torque", choice.motion.torque),
-    ):
-        series = rows(entities[f"/joints/{name}"], "motion", "scalars")
-        assert sorted(series) == nanoseconds
-        np.testing.assert_array_equal(np.stack([series[time] for time in nanoseconds]), values)
-    strips = rows(entities["/arm/chosen/links"], "motion", "strips")
-    assert set(nanoseconds) <= set(strips)  # and times between them
-    last = strips[nanoseconds[-1]][0]
-    assert last.shape == (5, 2 if planar else 3)
-    if not planar:
-        np.testing.assert_allclose(last, choice.motion.links[-1], rtol=1e-6)
-
-
-@pytest.mark.parametrize("planar", [True, False])
-def test_an_arm_that_stands_still_has_the_postures_of_the_front_behind_it(planar, tmp_path, make_front):
-    moving = make_front(2, planar=planar, points=4)
-    postures = np.repeat(moving.motions.q[:, -1:], moving.motions.q.shape[1], axis=1)
-    standing = replace(moving, motions=replace(moving.motions, q=postures))
-    for name, front in (("moving", moving), ("standing", standing)):
-        (tmp_path / name).mkdir()
-        choice = recorded(tmp_path / name / "review.rrd", front, [])
-        ghosts_of = "/arm/chosen/ghosts" if name == "moving" else "/arm/postures"
-        batch = read(tmp_path / name / "review.rrd")[ghosts_of][0]
-        (column,) = [each for each in batch.schema.names if each.endswith(":strips")]
-        ghosts = np.array(batch.column(column).to_pylist()[0])
-        behind = choice.motion.links[[0, 1, 2, 4, 5, 6, 8, 9, 10]] if name == "moving" else front.motions.links[:, 0]
-        assert ghosts.shape[:2] == behind.shape[:2]
-        if not planar:
-            np.testing.assert_allclose(ghosts, behind, rtol=1e-6, atol=1e-7)
-
-
-def test_points_are_named_by_their_ids_and_the_chosen_one_openly(search):
-    front, choice, _, entities = search(3)
-    chosen = [path for path in entities if path.startswith("/front/") and path.endswith("/chosen")]
-    fronts = [path for path in entities if path.startswith("/front/") and path.endswith("/front")]
-    assert len(chosen) == len(fronts) == 3
-    for path in chosen:
-        assert rows(entities[path], "motion", "labels")[0].tolist() == [f"point {choice.id}"]
-        assert rows(entities[path], "motion", "show_labels")[0].tolist() == [False]
-    (openly,) = [path for path in entities if path.endswith("/chosen/name")]  # three would hide what is below
-    assert str(rows(entities[openly], "motion", "labels")[0][0]).startswith(f"point {choice.id}")
-    for path in fronts:
-        assert rows(entities[path], "motion", "labels")[0].tolist() == [f"point {number}" for number in front.ids]
-        assert rows(entities[path], "motion", "show_labels")[0].tolist() == [False]
 
 
 def test_an_empty_front_is_recorded_as_such(tmp_path, make_front, make_generations):

@@ -14,6 +14,7 @@ from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
 from paretoik.review.recording.recorder import Generation, Opening, RecorderOptions, SearchedFront, SearchEnd
 from paretoik.review.recording_child import LIVE, RecordingFile
+from tests.review.conftest import sphere
 from tests.review.reading import read, rows
 
 N_OBJ = 2
@@ -26,19 +27,14 @@ def strict():
     rr.set_strict_mode(False)
 
 
-def sphere(points: int, seed: int) -> np.ndarray:
-    directions = np.abs(np.random.default_rng(seed).normal(size=(points, N_OBJ)))
-    return 2.0 - directions / np.linalg.norm(directions, axis=1, keepdims=True)
-
-
 def generation(number: int, points: int = 60) -> Generation:
-    F = sphere(points, number)
+    F = sphere(points, N_OBJ, number)
     ids = np.arange(points, dtype=np.int64)
     return Generation(number=number, population=F[:40], front=F, front_ids=ids, reference=np.full(N_OBJ, 3.0))
 
 
 def front(points: int = 70) -> Front:
-    F = sphere(points, 1000)
+    F = sphere(points, N_OBJ, 1000)
     return Front(ids=np.arange(points), objectives=F, names=NAMES, units=[""] * N_OBJ, maximised=[False] * N_OBJ)
 
 

@@ -22,6 +22,7 @@ from paretoik.front.front import Front
 from paretoik.review.recording.recorder import Generation, Recorder, RecorderOptions, SearchedFront, SearchEnd
 from paretoik.runs.machine import child_command
 from tests.review.children import children, wait_for_end
+from tests.review.conftest import sphere
 from tests.review.disks import small_disk
 from tests.review.reading import read, rows
 
@@ -32,11 +33,6 @@ def recorder(file: Path, *, n_obj: int = 2, options: RecorderOptions | None = No
     names = tuple(f"f{axis}" for axis in range(n_obj))
     scene = SearchedFront(names=names, units=("",) * n_obj, maximised=(False,) * n_obj)
     return Recorder(file, title="a: test", scene=scene, options=options or RecorderOptions())
-
-
-def sphere(points: int, n_obj: int, seed: int = 0) -> np.ndarray:
-    directions = np.abs(np.random.default_rng(seed).normal(size=(points, n_obj)))
-    return 2.0 - directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
 def generation(number: int, *, points: int = 5, n_obj: int = 2) -> Generation:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import shutil
-import subprocess
 import time
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,11 +25,6 @@ FLAGS = (
     "--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
     "--disable-component-update --disable-sync --window-size=1280,1400"
 )
-OVERLAPS = """
-const boxes = [...document.querySelectorAll(arguments[0] + " text")].filter((text) => text.textContent.trim())
-  .map((text) => [text.textContent, text.getBoundingClientRect()]).filter(([, box]) => box.width > 0);
-return boxes.map(([text, box]) => [text, box.left, box.top, box.right, box.bottom]);
-"""
 
 CURVES = "return document.getElementById('curves').data.map((each) => Array.from(each.y))"
 SHOWN = """
@@ -42,10 +34,6 @@ return lines.filter((line) => !line.hidden).map((line) => +line.dataset.id);
 CLIPBOARD = """
 const done = arguments[arguments.length - 1];
 navigator.clipboard.readText().then(done, (error) => done(String(error)));
-"""
-RANGES = """
-const layout = document.getElementById(arguments[0])._fullLayout;
-return Object.keys(layout).filter((key) => /^[xy]axis/.test(key)).sort().map((key) => layout[key].range);
 """
 NODES = """
 const nodes = [...document.querySelectorAll("#arm circle")];
@@ -92,18 +80,6 @@ class Browser:
         actions.w3c_actions.pointer_action.move_to_location(*spot)
         if click:
             actions.w3c_actions.pointer_action.click()
-        actions.perform()
-
-    def drag(self, start: tuple[int, int], end: tuple[int, int]) -> None:
-        from selenium.webdriver.common.action_chains import ActionChains
-
-        actions = ActionChains(self.driver)
-        pointer = actions.w3c_actions.pointer_action
-        pointer.move_to_location(*start)
-        pointer.pointer_down()
-        pointer.move_to_location(start[0] + 20, start[1] + 20)
-        pointer.move_to_location(*end)
-        pointer.pointer_up()
         actions.perform()
 
     def requests(self) -> set[str]:
@@ -195,30 +171,6 @@ def test_a_point_without_certificate_says_so_and_the_others_show_their_rates(ope
             assert words.count("0.5") == 2
 
 
-@pytest.mark.parametrize("n_obj", [2, 3])
-def test_the_zoom_stays_when_another_point_is_selected_or_points_are_filtered(opened, make_front, n_obj):
-    front = make_front(n_obj, moving=False)
-    browser = opened(front)
-    for figure in ("front", "parallel")[: 2 if n_obj > 2 else 1]:
-        whole = browser(RANGES, figure)
-        box = browser(
-            "const figure = document.getElementById(arguments[0]); figure.scrollIntoView({ block: 'center' });"
-            "const box = figure.querySelector('.nsewdrag').getBoundingClientRect();"
-            "return [box.left, box.top, box.width, box.height]",
-            figure,
-        )
-        start, end = ([round(box[k] + share * box[k + 2]) for k in (0, 1)] for share in (0.2, 0.7))
-        browser.drag(tuple(start), tuple(end))
-        deadline = time.monotonic() + 60
-        while (zoomed := browser(RANGES, figure)) == whole:
-            assert time.monotonic() < deadline
-        browser(f"document.querySelector('#points tr[data-id=\"{front.ids[4]}\"] td:nth-child(2)').click()")
-        assert browser.text("point-id") == str(front.ids[4])
-        browser("return document.querySelectorAll('#filters input')")[0].send_keys("-1000")
-        np.testing.assert_allclose(np.array(browser(RANGES, figure)), np.array(zoomed))
-        assert not np.allclose(np.array(zoomed), np.array(whole))
-
-
 def test_filtering_hides_points_in_picture_and_table(opened, front):
     browser = opened(front)
     inputs = browser("return [...document.querySelectorAll('#filters input')]")
@@ -274,20 +226,6 @@ def test_a_page_requests_nothing_and_scripts_in_names_do_not_run(opened, front):
     assert browser("return document.images.length") == 0
     asked = {address for address in browser.requests() if not address.startswith(("data:", "blob:"))}
     assert asked == {browser.driver.current_url}
-
-
-def test_a_page_prints_without_its_controls(opened, front, tmp_path):
-    if shutil.which("pdftotext") is None:
-        pytest.skip("no pdftotext")
-    browser = opened(front)
-    printed = browser.driver.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})
-    file = Path(tmp_path / "report.pdf")
-    file.write_bytes(base64.b64decode(printed["data"]))
-    words = subprocess.run(["pdftotext", "-layout", file, "-"], capture_output=True, text=True, check=True).stdout
-    assert "kinetic_energy [J s]" in words
-    assert all(f"{number}" in words for number in front.ids)
-    assert not any(word in words for word in ("show all", "at least", "copy id"))
-    assert 2 <= words.count("\f") <= 5
 
 
 def test_a_page_without_a_feasible_motion_shows_the_nearest_as_no_point_of_a_front(opened, front):

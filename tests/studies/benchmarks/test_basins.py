@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from studies.benchmarks.basins import all_cases, race, table_rows
+from studies.benchmarks.basins import all_cases
 
 
 def test_there_are_sixty_problems_of_different_names():
@@ -19,13 +19,3 @@ def test_a_problem_is_drawn_alike_every_time(arm):
     first, second = case.problem().task, case.problem().task
     assert np.array_equal(first.targets, second.targets)
     assert first.redundancy >= 1
-
-
-@pytest.mark.slow
-def test_a_problem_is_raced():
-    case = next(case for case in all_cases(0) if case.arm == "rail")
-    assert {row.column for row in table_rows([race(case, seeds=1)])} >= {
-        "best found",
-        "time to best, IPOPT",
-        "time to best, FATROP",
-    }

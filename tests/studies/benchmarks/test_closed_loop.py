@@ -15,14 +15,6 @@ def loop(request):
     return contestants.loop_of(request.param)
 
 
-def test_the_compiled_evaluation_is_the_readable_one(loop):
-    step = contestants.CompiledStep(loop, loop.step_state(1))
-    genes = np.random.default_rng(0).uniform(-1, 1, size=(30, step.readable.n_var))
-    np.testing.assert_allclose(
-        step.score_genes(genes), step.readable.evaluate(genes, return_values_of=["F"]), rtol=1e-8
-    )
-
-
 def test_no_search_goes_beyond_the_exact_front(loop):
     step = loop.step_state(1)
     exact = contestants.exact_front(loop, step)

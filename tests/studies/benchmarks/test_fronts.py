@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,6 @@ from studies.benchmarks.peers.programs import joint_program
 
 CASE = "energy_torque"
 EVALUATIONS = methods.Budget(kind="evaluations", amount=260)
-NOTHING = np.empty((0, 2))
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -74,12 +71,6 @@ def test_no_method_spends_more_evaluations_than_it_has_nor_much_less(name):
     assert len(done.F) <= methods.POPULATION
 
 
-def test_a_run_is_the_same_again():
-    one, again = (study.run(CASE, "crowding, seeded, refined", 5, EVALUATIONS, 260) for _ in range(2))
-    assert np.array_equal(one.F, again.F)
-    assert (one.evaluations, one.iterations) == (again.evaluations, again.iterations)
-
-
 def test_points_that_the_verifier_refuses_are_absent():
     problem = methods.problem_of(CASE)
     account = methods.Account(budget=EVALUATIONS)
@@ -129,26 +120,3 @@ def test_the_general_program_s_optimum_is_ours(cyclic):
         assert values[0] == pytest.approx(values[1], rel=1e-3)
         assert task.motion(other).tracking_error.max() < methods.OFF_PATH
         assert task.violations(task.motion(other)).max() < methods.VIOLATION
-
-
-@pytest.mark.usefixtures("here")
-def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
-    for module in (methods, study):
-        monkeypatch.setattr(module, "POPULATION", 8)
-    monkeypatch.setattr(study, "QUICK", (CASE,))
-    monkeypatch.setattr(study, "QUICK_EVALUATIONS", 32)
-    monkeypatch.setattr(study, "methods_of", lambda _: [*study.CELLS, study.OURS, study.EPSILON, "NSGA-II"])
-    monkeypatch.setattr(study, "PYMOO", ("NSGA-II",))
-    monkeypatch.setattr(study, "PYGMO", ())
-    monkeypatch.setattr(study, "reference_front", lambda: NOTHING)
-    file = tmp_path / "fronts.json"
-    study.main(["--quick", "--seeds", "2", "--json", str(file)])
-
-    def refuse(name):
-        raise AssertionError(name)
-
-    rows = json.loads(file.read_text(), parse_constant=refuse)
-    assert {row["table"] for row in rows} == {study.COMPARED, study.COUNTED, study.ADDED, study.LEFT}
-    left = [(row["row"], row["column"]) for row in rows if row["table"] == study.LEFT]
-    assert len(left) == len(set(left)) == 2 * len(study.methods_of(CASE))
-    assert "left out" in capsys.readouterr().out

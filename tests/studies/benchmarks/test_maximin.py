@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 from pymoo.optimize import minimize
@@ -41,35 +39,3 @@ def test_a_run_is_the_same_again_and_leaves_only_useful_points_none_dominated():
     assert np.array_equal(first.F, again.F)
     assert np.less_equal(first.F, study.cases()["steep tail"].highest).all()
     assert np.array_equal(np.all(first.F[:, None] <= first.F[None], axis=-1), np.eye(len(first.F), dtype=bool))
-
-
-def test_an_unknown_problem_is_refused_by_name_and_families_are_taken():
-    with pytest.raises(SystemExit, match=r"--problems must be some of ZDT, .*such as ZDT1, got ZDT9"):
-        study.choose_cases(["ZDT9"], quick=False)
-    chosen = [case.name for case in study.choose_cases(["OSY", "CTP"], quick=False)]
-    assert chosen == [*(f"CTP{k}" for k in range(1, 9)), "OSY"]
-
-
-@pytest.mark.usefixtures("here")
-def test_rows_have_every_cost_and_comparison_and_stored_runs_are_not_repeated(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(study, "WARM_UP", {2: "ZDT1"})
-    monkeypatch.setattr(study, "QUICK", {"ZDT1": 3, "BNH": 3})
-    monkeypatch.setattr(study, "PEERS", ("NSGA-II", "SMS-EMOA"))
-    file, asked = tmp_path / "maximin.json", ["--quick", "--runs", str(tmp_path / "runs"), "--json"]
-    study.main([*asked, str(file), "--seeds", "2"])
-    rows = json.loads(file.read_text())
-    costs = [(row["row"], row["column"]) for row in rows if row["table"] == study.COST]
-    assert costs == [(case, name) for case in ("ZDT1", "BNH") for name in study.methods_of(study.cases()[case])]
-    for own, others in ((study.OURS, 3), (study.ONE_LINE, 2)):  # the first is compared with the second too
-        compared = [row for row in rows if row["table"] == study.TABLE.format(own)]
-        assert len(compared) == 2 * others * 3  # problems and indicators
-    assert [row["table"] for row in rows[-4:]] == [study.GOALS] * 4
-    assert "left out: MOEA/D" in capsys.readouterr().out
-    files = {each: each.stat().st_mtime_ns for each in (tmp_path / "runs").rglob("*.npz")}
-    study.main([*asked, str(tmp_path / "again.json"), "--seeds", "2"])
-    assert json.loads((tmp_path / "again.json").read_text()) == rows
-    study.main([*asked, str(file), "--seeds", "3"])
-    after = {each: each.stat().st_mtime_ns for each in (tmp_path / "runs").rglob("*.npz")}
-    assert len(files) == 2 * 8
-    assert len(after) == 3 * 8
-    assert files.items() <= after.items()

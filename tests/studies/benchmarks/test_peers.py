@@ -15,7 +15,7 @@ from studies.benchmarks.basins import all_cases  # noqa: E402
 from studies.benchmarks.peers.programs import joint_program, staged_program  # noqa: E402
 from studies.benchmarks.peers.solvers import COMPILER, Settings, blockwise, compiled, state  # noqa: E402
 from studies.benchmarks.planner import simulations  # noqa: E402
-from studies.benchmarks.planner.questions import Cores, Question, peer, task_of, tracking  # noqa: E402
+from studies.benchmarks.planner.questions import Question, peer, task_of, tracking  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("unchecked")  # our kernels get CasADi's symbols
 SOLVERS = ("fatrop", "ipopt")
@@ -116,16 +116,3 @@ def test_a_spatial_arm_has_the_objective_that_our_function_gives(make):
     program = make(task)
     values = [at(program, program.pack(q, np.ones(2)), weights)[0] for weights in np.eye(2)]
     np.testing.assert_allclose(values, [float(each(task.motion(q))) for each in task.objectives], rtol=1e-9)
-
-
-@pytest.mark.slow
-def test_a_simulation_is_compared_with_its_peers_on_both_cores(monkeypatch, tmp_path):
-    monkeypatch.setattr(simulations, "COMPILER", None)  # compiled forms are tested above
-    monkeypatch.setattr(simulations, "BEGINNINGS", simulations.BEGINNINGS[1:2])
-    monkeypatch.setattr(simulations, "WARMS", simulations.WARMS[:1])
-    effort = simulations.Effort(starts=4, repeats=1)
-    with Cores() as cores:
-        peers = simulations.forms(cores, "simulation_1", ["fitted"], effort, tmp_path)["fitted"]
-        result = simulations.compare_simulation(cores, "simulation_1", "fitted", peers, effort)
-    assert set(result.theirs) == {one.name for one in peers} == {"FATROP", "IPOPT"}
-    assert all(row.ours > 0 for row in result.rows)

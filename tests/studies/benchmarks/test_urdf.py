@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,14 +34,3 @@ def test_a_right_arm_has_no_errors_and_a_wrong_one_is_detected():
     }
     for name, (other, seen) in wrong.items():
         assert {quantity for quantity, error in errors_of(other).items() if error > 1e-3} == seen, name
-
-
-def test_the_study_reports_links_errors_and_refusals(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(urdf, "package_files", lambda package: [PANDA] if package == "ours" else [])
-    urdf.main(["--quick", "--packages", "ours", "none", "--json", str(tmp_path / "rows.json")])
-    rows = {row["column"]: row["ours"] for row in json.loads((tmp_path / "rows.json").read_text())}
-    assert rows["files"] == 1
-    assert rows["links"] == 13 * rows["chains"] > 0
-    assert max(value for column, value in rows.items() if column.startswith("worst")) < 1e-12
-    assert rows["disagreements"] == 0
-    assert "none: not installed" in capsys.readouterr().err
