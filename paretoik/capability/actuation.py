@@ -324,7 +324,7 @@ def check_actuation(actuation: object, arm: Arm) -> None:
         raise InvalidInput(f"actuation must drive the {arm.dof} joints of {arm.name}, got {actuation.dof}")
     if isinstance(actuation, DistributedActuation) and not arm.periodic.all():
         sliding = arm.joint_names[int(np.argmin(arm.periodic))]
-        raise InvalidInput(f"arm must have only revolute joints for sliders, got the prismatic {sliding} of {arm.name}")
+        raise InvalidInput(f"arm must have no prismatic joints if sliders drive it, got {sliding} of {arm.name}")
 
 
 def kim_joint_motors() -> JointActuation:

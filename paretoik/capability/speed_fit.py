@@ -155,7 +155,7 @@ def fit_ellipsoids(
     margin: margin of a safe fit, at least 0; 0.02 is about 2 %
 
     Raises InvalidInput for arrays whose shapes differ, speeds that are not positive, and positions or directions that
-    do not determine the model; SolverFailed if directions do not determine the solution, or there is none.
+    do not determine the model; SolverFailed if directions do not determine the solution, or no solution exists.
     """
     if not finite_array("margin", margin, ()) >= 0.0 or (margin > 0.0 and not safe):
         raise InvalidInput(f"margin must be a finite number of at least 0, and 0 unless safe, got {shown(margin)}")

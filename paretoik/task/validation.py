@@ -230,8 +230,10 @@ def with_ends(
     """
     check_flag("cyclic", cyclic)
     arm, rests = task.arm, end_velocity is not None
-    if rests and (finite_number("end_velocity", end_velocity) != 0 or cyclic):
-        raise InvalidInput(f"end_velocity must be None (free) or 0 on an open motion, got {shown(end_velocity)}")
+    if rests and finite_number("end_velocity", end_velocity) != 0:
+        raise InvalidInput(f"end_velocity must be 0 or None (free), got {shown(end_velocity)}")
+    if rests and cyclic:
+        raise InvalidInput("end_velocity must be None if cyclic=True, got 0")
     if cyclic and not all(each.path.is_closed for each in task.tasks):
         raise InvalidInput("path must be closed if cyclic=True, got one that does not end where it starts")
     for path in [each.path for each in task.tasks] if rests else []:
