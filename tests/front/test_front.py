@@ -71,7 +71,7 @@ def test_an_empty_part_of_a_front_is_not_taken_for_an_infeasible_problem(front):
         ([[1.0, 2.0], [2.0, 3.0]], {}, "got 1 dominated ones, the first with id 1"),
         ([[1.0, np.nan]], {}, "got inf or nan in 1 of 1 points"),
         ([[1.0, 2.0]], {"ids": np.array([0.5])}, "front ids: must contain integers, got float64"),
-        ([[1.0, 2.0], [2.0, 1.0]], {"ids": np.array([4, 4])}, "got 4 2 times"),
+        ([[1.0, 2.0], [2.0, 1.0]], {"ids": np.array([4, 4])}, "got 4 more than once"),
         ([[1.0, 2.0]], {"genes": np.array([[np.nan]])}, "genes must be finite"),
         ([[1.0, 2.0]], {"ranges": np.array([[0.0, 1.0], [2.0, np.inf]])}, "ranges must"),
     ],
