@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import os
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -48,25 +47,21 @@ def recorded(file: Path, front, generations, *, finished: bool = True, weights=N
 
 @pytest.fixture(scope="module")
 def search(tmp_path_factory, make_front, make_generations):
-    """Return a function that returns a front, its choice, generations, and the entities of their recording."""
-
-    @cache
-    def get(n_obj: int, planar: bool = True):
-        file = tmp_path_factory.mktemp("search") / "review.rrd"
-        front, generations = make_front(n_obj, planar=planar), make_generations(n_obj)
-        return front, recorded(file, front, generations), generations, read(file)
-
-    return get
+    """Return a front, its choice, and the entities of their recording."""
+    file = tmp_path_factory.mktemp("search") / "review.rrd"
+    front = make_front(2)
+    return front, recorded(file, front, make_generations(2)), read(file)
 
 
 def timelines(batches: list) -> set[str]:
     return {name for batch in batches for name in ("generation", "motion") if name in batch.schema.names}
 
 
+@pytest.mark.parametrize("finished", [True, False])
 @pytest.mark.parametrize("n_obj", [1, 3])
-def test_every_generation_of_an_unfinished_run_is_kept_exactly(n_obj, tmp_path, make_front, make_generations):
+def test_every_generation_is_kept_exactly(n_obj, finished, tmp_path, make_front, make_generations):
     generations = make_generations(n_obj)
-    recorded(tmp_path / "review.rrd", make_front(n_obj), generations, finished=False)
+    recorded(tmp_path / "review.rrd", make_front(n_obj), generations, finished=finished)
     check_generations(read(tmp_path / "review.rrd"), generations)
 
 
@@ -83,7 +78,7 @@ def check_generations(entities, generations) -> None:
 
 
 def test_the_end_stands_on_both_timelines(search):
-    front, choice, _, entities = search(2)
+    front, choice, entities = search
     for timeline, time in (("generation", 3), ("motion", 0)):
         last = rows(entities["/search/front"], timeline, "F")[time]
         np.testing.assert_array_equal(last, front.objectives.ravel())
