@@ -107,7 +107,7 @@ def test_all_faults_of_a_file_are_listed_at_once_in_the_order_of_its_lines(tmp_p
     lines = [int(fault.split(":")[0].removeprefix("line ")) for fault in faults]
     assert lines == sorted(lines)
     assert len(faults) == 7
-    for words in ("negative", "triangle", "swapped", "zero", "mimic a", "its own", "one root"):
+    for words in ("negative", "triangle", "swapped", "zero", "mimic a", "unique", "one root"):
         assert sum(words in fault for fault in faults) == 1
 
 
