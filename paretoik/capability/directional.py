@@ -192,7 +192,7 @@ def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directi
     if vectors.ndim != 2 or vectors.shape[1] != task or not len(vectors):
         fact = f"{directions!r}" if vectors.ndim == 0 else f"shape {vectors.shape}"
         raise InvalidInput(
-            f"directions must be a positive whole number or an array (directions, {task}) of vectors, got {fact}"
+            f"directions must be a whole number or vectors (directions, {task}), at least one, got {fact}"
         )
     size = np.abs(vectors).max(axis=1, keepdims=True)
     vectors = vectors / np.where(size > 0, size, 1.0)  # scaled first, because squares may overflow or underflow
