@@ -105,12 +105,10 @@ def run_seeds(
     return whole
 
 
-def run_each(
-    executor: Executor | None, calls: Mapping[Key, Callable[[], Result]], *, limit: float | None = None
-) -> dict[Key, Result]:
+def run_each(executor: Executor | None, calls: Mapping[Key, Callable[[], Result]]) -> dict[Key, Result]:
     """Return the results of calls by key, as ``each_result`` does, and print the key of each finished call."""
     results: dict[Key, Result] = {}
-    for key, result in each_result(executor, calls, limit=limit):
+    for key, result in each_result(executor, calls):
         results[key] = result
         tell(", ".join(key))
     return {key: results[key] for key in calls}

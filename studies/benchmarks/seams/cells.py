@@ -47,7 +47,7 @@ def seven_joint_postures(frames: np.ndarray, swivel: float) -> np.ndarray:
         turned = (
             _frames_along(reach) @ Rotation.from_euler("z", swivel).as_matrix() @ _frames_along(local).swapaxes(1, 2)
         )
-        wrist = (turned @ Rotation.from_euler("y", elbow).as_matrix()).swapaxes(1, 2) @ rotation
+        wrist = (turned @ Rotation.from_euler("y", elbow[:, None]).as_matrix()).swapaxes(1, 2) @ rotation
         for shoulder in _spherical_angles(turned):
             for hand in _spherical_angles(wrist):
                 branches.append(np.concatenate([shoulder, -elbow[:, None], hand], axis=1))
