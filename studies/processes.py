@@ -6,8 +6,9 @@ import os
 import pickle
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 import cloudpickle
@@ -104,12 +105,10 @@ def run_seeds(
     return whole
 
 
-def run_each(
-    executor: Executor | None, calls: Mapping[Key, Callable[[], Result]], *, limit: float | None = None
-) -> dict[Key, Result]:
+def run_each(executor: Executor | None, calls: Mapping[Key, Callable[[], Result]]) -> dict[Key, Result]:
     """Return the results of calls by key, as ``each_result`` does, and print the key of each finished call."""
     results: dict[Key, Result] = {}
-    for key, result in each_result(executor, calls, limit=limit):
+    for key, result in each_result(executor, calls):
         results[key] = result
         tell(", ".join(key))
     return {key: results[key] for key in calls}
@@ -156,6 +155,16 @@ def _fault(reply: Reply) -> str:
     if isinstance(reply, Raised):  # a peer may raise any error, which must not stop the runs of others
         return f"raised {type(reply.error).__name__}: {reply.error}"
     return getattr(reply, "cause", "")
+
+
+def children_of(process: int) -> list[int]:
+    """Return the processes that a process has started, from any of its threads."""
+    children = list[int]()
+    with suppress(OSError):  # it has ended meanwhile
+        for thread in Path(f"/proc/{process}/task").iterdir():
+            with suppress(OSError):
+                children += [int(child) for child in (thread / "children").read_text().split()]
+    return children
 
 
 def rotated(names: Sequence[str], turns: int) -> list[str]:

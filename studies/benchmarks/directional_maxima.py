@@ -105,11 +105,10 @@ def judge(runs: dict[tuple[str, str], list[Run]], cases: Sequence[str]) -> list[
 
 
 def certified_rows(case: str, problem: pk.DirectionalMaxima, members: Sequence[Run]) -> list[Row]:
-    """Return the share of refined points that are minima, the residuals, and the greatest values against the bound."""
+    """Return the share of refined points that are minima, and the greatest values against the bound."""
     fronts = [one.front for one in members if one.front is not None]
     certificates = [front.certificates for front in fronts if front.certificates is not None]
     minima = np.concatenate([each.status == "minimum" for each in certificates])
-    residual = np.concatenate([each.criticality for each in certificates])
     quantities = problem.quantities
     each = [
         pk.directional_maxima(problem.arm, problem.actuation, problem.position, way[None], quantity=quantity).values
@@ -120,7 +119,6 @@ def certified_rows(case: str, problem: pk.DirectionalMaxima, members: Sequence[R
     note = f"{over}medians by direction {', '.join(f'{share:.6f}' for share in np.median(shares, axis=0))}"
     rows = [
         ("points that are certified minima", "%", 100 * minima.mean(), f"of {len(minima)}"),
-        ("stationarity, median", "", float(np.median(residual)), f"largest {residual.max():.1e}"),
         ("greatest value beside its directional maximum, least of all seeds", "", float(shares.min()), note),
     ]
     return [Row(CERTIFIED, case, name, unit, float(v), note=n) for name, unit, v, n in rows]

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from studies.benchmarks.checkouts import ROOT
+from studies.processes import children_of
 from studies.reporting import Row, goal_row, losses_first, report, study_parser, tell
 
 PROCESSES = Path("/proc")  # Linux
@@ -46,7 +47,7 @@ def run_watched(command: Sequence[str]) -> PeakMemory:
     child = subprocess.Popen(command, cwd=ROOT)
     while child.poll() is None:
         peak.run = max(peak.run, _peak_of(child.pid))
-        for other in _children(child.pid):
+        for other in children_of(child.pid):
             with suppress(OSError):
                 if RECORDER in (PROCESSES / str(other) / "cmdline").read_text(errors="replace"):
                     peak.recorder = max(peak.recorder, _peak_of(other))
@@ -62,16 +63,6 @@ def _peak_of(process: int) -> int:
         _, _, peak = (PROCESSES / str(process) / "status").read_text().partition("VmHWM:")
         return 1024 * int(peak.split(maxsplit=1)[0]) if peak else 0
     return 0
-
-
-def _children(process: int) -> list[int]:
-    """Return the processes that a process has started, from any of its threads."""
-    children = list[int]()
-    with suppress(OSError):
-        for thread in (PROCESSES / str(process) / "task").iterdir():
-            with suppress(OSError):
-                children += [int(child) for child in (thread / "children").read_text().split()]
-    return children
 
 
 MEGABYTE = 1e6

@@ -28,14 +28,10 @@ MAXIMISED = ("hypervolume", "sum of speeds")
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """Code that defines ``run()``, which returns values by name, and the number of repeats in a process.
-
-    ``reason`` says why values differ.
-    """
+    """Code that defines ``run()``, which returns values by name, and the number of repeats in a process."""
 
     code: str
     repeats: int = 3
-    reason: str = ""
 
 
 SHARED = """
@@ -126,7 +122,6 @@ def run():
     return measure(pk.epsilon_front(problem, points=5, seed=0), [0.62, 750.0, 0.006], [0.8, 1700.0, 0.03])
 """,
         repeats=2,
-        reason="plans of the ends restart until a better unseen optimum is unlikely",
     ),
     "directional front of 10 points, sliders": Case(
         code="""
@@ -134,13 +129,11 @@ problem = kim_2021.directions_dam()
 def run():
     return measure(pk.epsilon_front(problem, points=10, seed=0), [-0.054, -0.126, 0.0], [0.0, 0.0, 0.45])
 """,
-        reason="points stand elsewhere along the same front",
     ),
     **{
         f"point-to-point front of {points} points, joint motors": Case(
             code=POINT_TO_POINT.format(points=points),
             repeats=1,
-            reason="sweeps follow branches and try cold starts now: other points, fewer of them in poor basins",
         )
         for points in (5, 20)
     },
@@ -181,7 +174,6 @@ def run():
     return {"error": np.linalg.norm(ratios - 1 / ratios), "error of logarithms": np.linalg.norm(np.log(ratios))}
 """,
         repeats=9,
-        reason="a convex program by cvxpy and Clarabel now, a descent of log errors before",
     ),
     "steps of time-optimal control": Case(
         code="""
@@ -229,8 +221,6 @@ def tabulate(name: str, case: Case, results: Mapping[str, Mapping[str, Any]]) ->
     seconds, reference = min(now["seconds"]), min(before["seconds"])
     values = [compare(name, now["values"][name], value) for name, value in before["values"].items()]
     notes = [f"{seconds:.3g} against {reference:.3g} s", *(words for words, _ in values)]
-    if case.reason and now["values"] != before["values"]:
-        notes.append(case.reason)
     if any(worse for _, worse in values):
         notes.insert(0, LOSS)
     return goal_row(TABLE, name, "times the seconds", "", seconds / reference, GOAL, "; ".join(notes))

@@ -19,10 +19,8 @@ import paretoik as pk
 from paretoik.capability.point_to_point_program import minimum_timing
 from paretoik.nlp.minimise import minimise
 from paretoik.pareto.scalarisation import COLD_OPTIONS as COLD
-from paretoik.robot import kinematics
 from problems.kim_2021 import START, TARGET
 from studies.kim_2021.ipopt_programs import motion_program
-from studies.kim_2021.maxima import ENERGY_UNPRINTED
 from studies.kim_2021.maxima import paper as printed
 from studies.reporting import Row
 
@@ -33,27 +31,21 @@ MECHANISMS: dict[str, Callable[[], pk.capability.JointActuation | pk.capability.
 }
 TABLE = "time against energy from p4 to p6, without jumps"
 RACED = "time against energy beside CasADi + IPOPT, one program from the same starts"
-FINER = 4  # times the samples: grid on which directional maxima time tool paths
 AGAIN = 16  # times the samples: grid on which motions are timed again
-LITTLE = 1e-3  # weight of seconds at the end of least work
 CRITICAL = 1e-6
-COARSE = 2e-3  # error by few samples of a path
 ENDS = ((1.0, 1e-2), (1e-3, 10.0))  # weights of seconds and joules for the races to the ends
 SAME = 1e-5  # relative difference within which optima are the same: IPOPT relaxes limits by 1e-8
 
 
 class TimeEnergy(NamedTuple):
-    """A mechanism's certified front, and the least time of its soonest tool path by maxima of an instant [s].
+    """A mechanism's certified front.
 
-    ``within`` [J] is the least work found in no more than the paper's time, NaN without any. Timed on a fine grid,
-    motions take longer by ``again`` (points,), NaN if motors cannot hold the arm somewhere; ``overload`` (points,) says
-    by how much, negative if they can.
+    Timed on a fine grid, motions take longer by ``again`` (points,), NaN if motors cannot hold the arm somewhere;
+    ``overload`` (points,) says by how much, negative if they can.
     """
 
     name: str
     front: pk.Front
-    bound: float
-    within: float
     again: Float[np.ndarray, " points"]
     overload: Float[np.ndarray, " points"]
 
@@ -84,14 +76,9 @@ def time_energy(name: str, *, points: int, starts: int, samples: int) -> TimeEne
     q, sliders, _ = problem.profiles(genes)
     fine = problem.initial_paths.finer(AGAIN)
     again = minimum_timing(problem.arm, problem.actuation, fine @ q, fine @ sliders)
-    program, near = problem.program(), problem.points(genes)
-    arrival = printed()["Figure 8", name[:3], "arrival"]
-    ends = minimise(program, near, np.array([[LITTLE, 1.0]]), np.array([[arrival, np.inf]]), COLD.barrier)
     return TimeEnergy(
         name=name,
         front=front,
-        bound=_instant(problem, genes[:1]),
-        within=float(ends.objectives[ends.converged, 1].min()) if ends.converged.any() else np.nan,
         again=again.duration / front.objectives[:, 0] - 1.0,
         overload=again.overload,
     )
@@ -141,40 +128,22 @@ def race_rows(one: Race) -> list[Row]:
 
 
 def time_energy_rows(one: TimeEnergy) -> list[Row]:
-    """Return a front's ends, its certificates, and the paper's point."""
+    """Return a front's ends and its certificates."""
     certificates, values, row = one.front.certificates, one.front.objectives, partial(Row, TABLE, one.name)
     assert certificates is not None
     counts = Counter(certificates.status.tolist())
     statuses = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
-    arrival, total = printed()["Figure 8", one.name[:3], "arrival"], printed()["Table 4", one.name[:3], "total"]
-    fits = "no more" if one.bound <= values[0, 0] * (1 + COARSE) else "LOSS: more than the soonest"
+    arrival = printed()["Figure 8", one.name[:3], "arrival"]
     critical, late = float(np.sum(certificates.criticality <= CRITICAL)), one.again[np.isfinite(one.again)]
     residuals = f"criticality at most {certificates.criticality.max():.1e}, limits violated by "
     residuals += f"{certificates.violation.max():.1e} at samples"
     slower = f"in the median {100 * np.median(late) if len(late) else np.nan:.2g} %; in {len(values) - len(late)} of "
     slower += f"{len(values)} motors are overloaded between samples, by {max(0.0, one.overload.max()):.2%} at most"
     instants = f"with {1e3 * values[0, 1]:.4g} mJ; the paper's is of instants"
-    soon = ENERGY_UNPRINTED if np.isfinite(one.within) else "LOSS: none as soon was found"
     again = f"timed anew, {AGAIN} times finer: longer by, at most"
     return [
         row("soonest", "s", float(values[0, 0]), reference=arrival, note=instants),
-        row("its path by maxima of an instant", "s", one.bound, note=fits),
         row("least work", "mJ", 1e3 * float(values[-1, 1]), note=f"in {values[-1, 0]:.4g} s"),
-        row("work in the paper's time", "mJ", 1e3 * one.within, reference=total, note=soon),
         row("critical points", f"of {len(values)}", critical, note=f"{statuses}; {residuals}"),
         row(again, "%", 100 * float(late.max(initial=0.0)), note=slower),
     ]
-
-
-def _instant(problem: pk.PointToPoint, genes: np.ndarray) -> float:
-    """Return the least time of a tool path if every instant had its own best posture and gears [s]."""
-    q = problem.initial_paths.finer(FINER) @ problem.profiles(genes)[0]
-    tool = kinematics.forward_kinematics(problem.arm, q[0])[1][:, : len(START)]
-    steps, middle = np.diff(tool, axis=0), (tool[1:] + tool[:-1]) / 2
-    return float(
-        sum(
-            np.linalg.norm(step) / pk.directional_maxima(problem.arm, problem.actuation, place, step[None]).values[0]
-            for place, step in zip(middle, steps, strict=True)
-            if np.linalg.norm(step) > 0
-        )
-    )

@@ -160,35 +160,17 @@ def table_rows(loops: Sequence[CellLoop]) -> list[Row]:
 
 
 def reproduced_rows(loops: Sequence[CellLoop]) -> list[Row]:
-    """Return how many cells of each table are within 5 % of print, and why the others are not, if known.
-
-    If the exact loop is as far off, no search could reproduce the cell: it depends on the start, which the paper does
-    not print, or on the time grid. Otherwise the search has not converged, or ours has and the paper's has not.
-    """
-    rows = []
-    groups: dict[tuple[str, str], list[tuple[str, float, float, float]]] = {}
+    """Return how many cells of each table are within 5 % of print; ``table_rows`` says why the others are not."""
+    near: dict[tuple[str, str], list[bool]] = {}
     for one in loops:
-        for name, _, _, ours, exact in cell_measures(one):
+        for name, _, _, ours, _ in cell_measures(one):
             printed = paper()[name, one.cell.row, one.cell.arm]
-            groups.setdefault((name, one.cell.arm), []).append((one.cell.row, ours, exact, printed))
-    for (name, arm), cells in sorted(groups.items()):
-        off = [cell for cell in cells if abs(cell[1] / cell[3] - 1) > SAME]
-        bound = [cell for cell in off if abs(cell[2] / cell[3] - 1) > SAME]
-        known = [cell for cell in bound if abs(cell[1] / cell[2] - 1) <= SAME]
-        reasons = {
-            "the exact loop, which ours agrees with, is off as well": known,
-            "the exact loop is off as well": [cell for cell in bound if cell not in known],
-            "the exact loop is not": [cell for cell in off if cell not in bound],
-        }
-        reasons_text = [
-            f"{reason}: {', '.join(f'{row} ({ours / printed:.3g} times)' for row, ours, _, printed in some)}"
-            for reason, some in reasons.items()
-            if some
-        ]
-        table = f"cells within {SAME:.0%} of the paper's, and which are not"
-        note = "; ".join(reasons_text)
-        rows.append(Row(table, name, arm, "", len(cells) - len(off), reference=len(cells), source="cells", note=note))
-    return rows
+            near.setdefault((name, one.cell.arm), []).append(abs(ours / printed - 1) <= SAME)
+    table = f"cells within {SAME:.0%} of the paper's"
+    return [
+        Row(table, name, arm, "", sum(cells), reference=len(cells), source="cells")
+        for (name, arm), cells in sorted(near.items())
+    ]
 
 
 def oracle_rows(loops: Sequence[CellLoop]) -> list[Row]:

@@ -2,7 +2,5 @@
 
 Every number comes twice: with the masses of Table 1 *as printed*, with which kinetic energies come out 27 % low and
 torque norms half, though joint speeds are within 5 %; and with *fitted* ones, an inference that brings nearly
-everything within 2 %. Nothing else is fitted. The line between the printed ends is 0.39977 m long, the text says 0.40
-m: both are computed. With the printed weight of Eq. 14, 0.01, the candidates ranked best by torques are where limits
-cannot be satisfied; ten times that weight finds the optima of our plans.
+everything within 2 %. Nothing else is fitted.
 """

@@ -8,7 +8,6 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ import paretoik as pk
 from problems import tringali_2020
 from studies.reporting import Row, paper_numbers
 
-Place = tuple[str, str, str]
 paper = partial(paper_numbers, "tringali_2020")
 
 AGREES = 0.01  # of a number: smaller errors are due to fitted masses, printed digits and time steps
@@ -110,11 +108,7 @@ def simulate(
 
 def machine() -> str:
     """Return the computing machine in words."""
-    name = platform.machine()
-    with suppress(OSError):
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        name = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), name)
-    return f"{name}, {os.cpu_count()} cores, Python {platform.python_version()}"
+    return f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
 
 
 def tables(simulation: Simulation) -> list[Row]:

@@ -102,10 +102,7 @@ def table_rows(comparisons: Sequence[Comparison]) -> list[Row]:
         note = f"reports {each.reported:.1e}; {each.tightened.where}"
         rows += [
             goal_row(between, each.name, "tightened", share, each.tightened.violation, GOAL, note),
-            Row(between, each.name, "spline", share, each.spline.violation, note=each.spline.where),
-            Row(between, each.name, "central", share, each.central.violation, note=each.central.where),
             goal_row(between, each.name, "cost", "%", each.cost, COST),
-            Row(between, each.name, "time", "times central", each.time),
         ]
     return rows
 

@@ -23,10 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from paretoik.errors import ParetoikError
-from paretoik.nlp.minimise import minimise
-from paretoik.pareto.sweep import OPTIONS as EPSILON
 from studies.benchmarks.certified.attacks import (
-    DOMINATED,
     exchange_rows,
     ipopt_rows,
     led_back,
@@ -46,70 +43,48 @@ STEPS, QUICK_STEPS = 300, 60  # random steps from every point
 
 
 class Solved(NamedTuple):
-    """Seconds on one ε-problem, whether it reached our point, and its gain if no objective has risen."""
+    """Seconds on one ε-problem, and whether it reached our point."""
 
     seconds: float
     reached: bool
-    gain: float
 
 
 def race_rows(subject: Subject) -> list[Row]:
-    """Return the peers' gains, and our seconds per point and per solve compared with theirs."""
+    """Return our seconds per point compared with the peers'."""
     table, points, rows = subject.name, range(len(subject.q)), list[Row]()
-    a_point, one_solve, over = "seconds a point", "one solve from a neighbour", "all over points reached"
-    ours = subject.seconds / len(points)
-    own = [solve_epsilon(subject, point, None) for point in points]
-    own_middle, own_each, own_reached = _summary(own)
+    a_point, ours = "seconds a point", subject.seconds / len(points)
     peers = {"IPOPT": subject.peer} | ({"FATROP": subject.staged} if subject.staged is not None else {})
     for name, peer in peers.items():
         tries = [solve_epsilon(subject, point, peer) for point in points]
-        middle, each, reached = _summary(tries)
+        reached, seconds = sum(one.reached for one in tries), [one.seconds for one in tries]
+        middle, each = float(np.median(seconds)), sum(seconds) / reached if reached else np.inf
         note = f"{len(points)} points in {subject.seconds:.1f} s (processor {subject.cpu:.1f} s); {name} "
-        note += f"{sum(one.seconds for one in tries):.1f} s, reaches {reached} of them"
-        gains = [one.gain for one in tries]
-        beaten = f"{sum(gain > DOMINATED for gain in gains)} points beaten"
-        solves = f"ours reach {own_reached} of {len(own)}"
+        note += f"{sum(seconds):.1f} s, reaches {reached} of them"
         rows += [
-            Row(table, f"{name} from neighbours", "largest gain, no loss", "share of range", max(gains), note=beaten),
             versus(table, a_point, f"beside {name}'s median", "s", ours, middle, goal=GOAL, note=note),
-            versus(table, a_point, f"beside {name}'s {over}", "s", ours, each, goal=GOAL, note=note),
-            versus(table, one_solve, f"beside {name}, medians", "s", own_middle, middle, note=solves),
-            versus(table, one_solve, f"beside {name}, {over}", "s", own_each, each),
+            versus(table, a_point, f"beside {name}'s all over points reached", "s", ours, each, goal=GOAL, note=note),
         ]
     return rows
 
 
-def _summary(tries: list[Solved]) -> tuple[float, float, int]:
-    """Return the median of seconds, those of all divided by the points reached, and how many these are."""
-    reached = sum(one.reached for one in tries)
-    seconds = [one.seconds for one in tries]
-    return float(np.median(seconds)), sum(seconds) / reached if reached else np.inf, reached
-
-
-def solve_epsilon(subject: Subject, point: int, peer: Peer | None) -> Solved:
-    """Return a peer's result, or ours, on a point's ε-problem: from the nearest other point, twice if it fails."""
-    shares, program, count = subject.values / subject.ranges, subject.program, len(subject.ranges)
+def solve_epsilon(subject: Subject, point: int, peer: Peer) -> Solved:
+    """Return a peer's result on a point's ε-problem: from the nearest other point, twice if it fails."""
+    shares, count = subject.values / subject.ranges, len(subject.ranges)
     distances = np.linalg.norm(shares - shares[point], axis=1)
     distances[point] = np.inf
     start, main = subject.q[int(distances.argmin())], int(subject.certificates.weights[point].argmax())
     ceilings = np.where(np.arange(count) == main, np.inf, subject.values[point])
-    factors, caps = np.zeros((1, len(program.totals))), np.full((1, len(program.totals)), np.inf)
-    factors[0, main], caps[0, :count] = 1.0, ceilings / subject.ranges
     started, end = time.perf_counter(), None
-    for settings, rules in ((WARM, EPSILON.warm), (COLD, EPSILON.cold)):
-        if peer is None:
-            solutions = minimise(program, start[None], factors, caps, rules)
-            end = solutions.x[0] if solutions.converged[0] else None
-        else:
-            end = peer.solve(start, main, ceilings, subject.ranges, settings).motion
+    for settings in (WARM, COLD):
+        end = peer.solve(start, main, ceilings, subject.ranges, settings).motion
         if end is not None:
             break
     seconds = time.perf_counter() - started
     motion = None if end is None else led_back(subject.task, end)
     if motion is None or violation(subject.task, motion) > HOLDS:
-        return Solved(seconds, False, 0.0)
+        return Solved(seconds, False)
     rise = (objectives(subject.task, motion) - subject.values[point]) / subject.ranges
-    return Solved(seconds, bool(rise.max() <= REACHED), -float(rise.min()) if rise.max() <= 0 else 0.0)
+    return Solved(seconds, bool(rise.max() <= REACHED))
 
 
 def rows_of(case: Case, subject: Subject, *, quick: bool, seed: int) -> list[Row]:

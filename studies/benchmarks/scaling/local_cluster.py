@@ -13,6 +13,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from studies.processes import children_of
+
 DASK = str(Path(sys.executable).with_name("dask"))
 
 
@@ -49,12 +51,10 @@ def processor_seconds(process: int) -> float:
     """Return the seconds that a process and its children, alive or ended, have computed so far."""
     try:
         fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-        threads = Path(f"/proc/{process}/task").iterdir()
-        children = [child for thread in threads for child in (thread / "children").read_text().split()]
     except FileNotFoundError:  # it has ended meanwhile
         return 0.0
     ticks = sum(map(int, fields[11:15]))  # user and system, own and of ended children
-    return ticks / os.sysconf("SC_CLK_TCK") + sum(processor_seconds(int(child)) for child in children)
+    return ticks / os.sysconf("SC_CLK_TCK") + sum(map(processor_seconds, children_of(process)))
 
 
 def start_scheduler(port: str, *options: str) -> subprocess.Popen[bytes]:

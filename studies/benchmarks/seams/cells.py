@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from py_opw_kinematics import KinematicModel, Robot
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 import paretoik as pk
 from paretoik.robot.arm_arguments import JointType
@@ -44,8 +44,10 @@ def seven_joint_postures(frames: np.ndarray, swivel: float) -> np.ndarray:
     for elbow in (bend, -bend):
         # Both frames have z along the wrist from the shoulder: that of the arm with its shoulder at rest, the world's.
         local = np.stack([fore * np.sin(elbow), 0 * elbow, upper + fore * np.cos(elbow)], axis=1)
-        turned = _frames_along(reach) @ _about_z(swivel) @ _frames_along(local).swapaxes(1, 2)
-        wrist = (turned @ _about_y(elbow)).swapaxes(1, 2) @ rotation
+        turned = (
+            _frames_along(reach) @ Rotation.from_euler("z", swivel).as_matrix() @ _frames_along(local).swapaxes(1, 2)
+        )
+        wrist = (turned @ Rotation.from_euler("y", elbow[:, None]).as_matrix()).swapaxes(1, 2) @ rotation
         for shoulder in _spherical_angles(turned):
             for hand in _spherical_angles(wrist):
                 branches.append(np.concatenate([shoulder, -elbow[:, None], hand], axis=1))
@@ -69,17 +71,6 @@ def _frames_along(vectors: np.ndarray) -> np.ndarray:
     y = np.cross(z, [0.0, 0.0, 1.0])
     y /= np.linalg.norm(y, axis=1, keepdims=True)
     return np.stack([np.cross(y, z), y, z], axis=2)
-
-
-def _about_y(angle: np.ndarray) -> np.ndarray:
-    zero, one, cosine, sine = 0 * angle, 0 * angle + 1, np.cos(angle), np.sin(angle)
-    rows = [[cosine, zero, sine], [zero, one, zero], [-sine, zero, cosine]]
-    return np.moveaxis(np.array(rows), 2, 0)
-
-
-def _about_z(angle: float) -> np.ndarray:
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 RAIL_TRAVEL = 0.6  # m to either side

@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, chdir, contextmanager, redirect_stderr, redirect_stdout
 from hashlib import sha256
 from pathlib import Path
-from typing import TypeAlias
 from unittest.mock import patch
 
 import numpy as np
@@ -315,7 +314,6 @@ TARGETS: dict[str, Callable[[Path], UrdfFiles | RunFolders | CommandLines]] = {
     "commands": CommandLines,
     "options": VerbOptions,
 }
-Target: TypeAlias = Callable[[bytes], None]
 
 
 def inputs(target: str) -> Iterator[tuple[str, bytes]]:
