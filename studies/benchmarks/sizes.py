@@ -33,6 +33,7 @@ class Sizes:
     files: dict[str, int] = field(default_factory=dict)
     functions: dict[str, int] = field(default_factory=dict)
     parameters: dict[str, int] = field(default_factory=dict)
+    constants: list[str] = field(default_factory=list)
     single_importer: list[str] = field(default_factory=list)
     used_once: list[str] = field(default_factory=list)
     circles: list[tuple[str, ...]] = field(default_factory=list)
@@ -60,6 +61,7 @@ def measure(library: Path) -> Sizes:
             count = len([*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs])
             if count > MOST_PARAMETERS:
                 sizes.parameters[f"{name}:{function.name}"] = count
+        sizes.constants += [f"{name}:{constant}" for constant in numeric_constants(tree)]
         sizes.used_once += [f"{name}:{function}" for function in private_functions_used_once(tree)]
     imports = imported_files(trees)
     sizes.single_importer = list(files_with_one_importer(imports))
@@ -86,6 +88,21 @@ def code_lines(tree: ast.Module) -> set[int]:
             compound = isinstance(node, ast.stmt) and hasattr(node, "body")
             lines |= {node.lineno} if compound else set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     return lines - docstrings
+
+
+def numeric_constants(tree: ast.Module) -> Iterator[str]:
+    """Yield the names in capitals that a module gives a number, or several.
+
+    Names that are given numbers together, as ``A, B = range(2)``, are an enumeration or coefficients, and not counted.
+    """
+    for node in tree.body:
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or isinstance(node.value, ast.Dict | None):
+            continue
+        numbers = [part.value for part in ast.walk(node.value) if isinstance(part, ast.Constant)]
+        if numbers and all(isinstance(one, int | float) and not isinstance(one, bool) for one in numbers):
+            for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+                if isinstance(target, ast.Name) and target.id.lstrip("_").isupper():
+                    yield target.id
 
 
 def private_functions(tree: ast.Module, public: set[str]) -> Iterator[Function]:
@@ -173,6 +190,7 @@ def budgets(sizes: Sizes) -> Iterator[tuple[str, int, Sequence[str]]]:
     yield "files with one importer", 20, sizes.single_importer
     yield "private functions used once", 150, sizes.used_once
     yield "circles of imports", 0, [" ".join(group) for group in sizes.circles]
+    yield "numeric constants of modules", 60, sizes.constants
 
 
 def note(goal: int, names: Sequence[str]) -> str:

@@ -1,6 +1,6 @@
 """Our solvers against others on the same programs, from the same starts; losses first.
 
-    python -m studies.benchmarks.refinement [--quick] [--counts] [--cases NAME ...] [--json FILE]
+    python -m studies.benchmarks.refinement [--quick] [--counts] [--time-left] [--cases NAME ...] [--json FILE]
 
 Ours are the interior-point method, which smooths kinks, and SQP with a convex subproblem in cvxpy: canonicalised once
 and run by Clarabel, or solved by cvxpy itself at every step (not for sliders: minutes a start). SciPy's solvers get
@@ -11,7 +11,8 @@ reports success.
 Seconds are of the processor, those of all starts divided by the number that counts. Building programs, compiling, and a
 first call are not counted. A peer's row is a loss if it takes less time than "auto", or finds a value better by 1e-6.
 
-``--counts`` prints how often the default verbs canonicalise and run Clarabel.
+``--counts`` prints how often the default verbs canonicalise and run Clarabel; ``--time-left`` judges the stated time
+left.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ from paretoik.trajectory.transcription import motion_program
 from problems import kim_2021, panda, tringali_2020
 from studies.benchmarks.peers.programs import joint_program, staged_program
 from studies.benchmarks.peers.solvers import compiled
-from studies.benchmarks.refinement.counts import count_rows
+from studies.benchmarks.refinement.counts import count_rows, time_left_rows
 from studies.benchmarks.refinement.nlp import Method, Nlp, dense_nlp, ipopt_solver, motion_nlp, solve_with_scipy
 from studies.benchmarks.refinement.stated import solve_with_cvxpy
 from studies.reporting import LOSS, Row, losses_first, report, study_parser, tell, timed
@@ -244,9 +245,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--cases", nargs="+", choices=names, metavar="NAME", help="only these")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--counts", action="store_true", help="canonicalisations and Clarabel solves of default verbs")
+    parser.add_argument("--time-left", action="store_true", help="stated time left against the true one")
     options = parser.parse_args(arguments)
     if options.counts:
         report(count_rows(), json_file=options.json)
+        return
+    if options.time_left:
+        report(time_left_rows(), json_file=options.json)
         return
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder, single_blas_thread():  # as verbs compute

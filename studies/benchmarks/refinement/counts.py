@@ -1,7 +1,8 @@
-"""Counts of default verbs: conic programs and their share of the time.
+"""Counts of default verbs: conic programs and their share of the time, and the stated time left.
 
 The first row is a process's first plan, which imports cvxpy too; the last ones are the memory of processes that confirm
-one point. Seconds are of the processor.
+one point. Seconds are of the processor. A stated time left is right within a factor of 2, or if both are less than half
+a second; only statements in the last 80 % of a run count.
 """
 
 from __future__ import annotations
@@ -13,10 +14,14 @@ from dataclasses import dataclass
 from typing import Any
 from unittest.mock import patch
 
+import numpy as np
+
 import paretoik as pk
+from paretoik.compilation_notices import computing_clock
 from paretoik.nlp.convex_subproblem import ConvexSubproblem
 from paretoik.nlp.criticality import criticality
 from paretoik.pareto import certificates
+from paretoik.progress import Observer, RunProgress
 from paretoik.runs.distribution import Done
 from paretoik.runs.processes import WorkerProcesses
 from problems import panda, tringali_2020
@@ -68,6 +73,60 @@ def verbs(problem: pk.Tracking, one: pk.Tracking) -> dict[str, Work]:
         "solve(refine=True)": lambda: pk.solve(problem, **search, seed=1, refine=True),
         "refine(solver='sqp'), 4 points": lambda: pk.refine(searched[searched.ids[:4]], solver="sqp"),
     }
+
+
+BEGINNING, FACTOR, SHORT = 0.2, 2.0, 0.5  # share of a run that is not judged; of the true time; seconds
+
+
+def timed_runs() -> dict[str, Callable[[Observer], Any]]:
+    """Return runs of every kind by name, which report their progress to their observer."""
+    planar, hand = tringali_2020.energy_torque().task, panda.across_the_table().task
+    goals = [pk.kinetic_energy, pk.torque_norm]
+    search: dict[str, Any] = {"population": POPULATION, "generations": GENERATIONS, "seed": 1, "refine": True}
+    limits = pk.Limits(velocity=3.2, acceleration=30.0, torque=1.5)
+    three = pk.Tracking(planar.arm, planar.tasks[0].path, objectives=goals, limits=limits)
+    seven = pk.Tracking(hand.arm, hand.tasks[0].path, objectives=goals)
+    one = pk.Tracking(hand.arm, hand.tasks[0].path, objectives=goals[:1])
+    lamp = [pk.obstacles.Sphere([0.3, 0.0, 0.8], 0.1)]
+    beside = pk.Tracking(hand.arm, hand.tasks[0].path, objectives=goals, obstacles=lamp, link_radius=0.06)
+    searched = pk.solve(three, population=60, generations=30, seed=2, points=40, observe=False)
+    return {
+        "solve(refine=True), 3R": lambda seen: pk.solve(three, **search, points=30, observe=seen),
+        "solve(refine=True), Panda": lambda seen: pk.solve(seven, **search, points=10, observe=seen),
+        "the same, obstacle": lambda seen: pk.solve(beside, **search, points=8, observe=seen),
+        "plan, Panda": lambda seen: pk.plan(one, observe=seen),
+        "epsilon_front, 3R": lambda seen: pk.epsilon_front(three, points=20, observe=seen),
+        "epsilon_front, Panda": lambda seen: pk.epsilon_front(seven, points=8, observe=seen),
+        "refine, 3R": lambda seen: pk.refine(searched, observe=seen),
+        "refine, 3R, 2 workers": lambda seen: pk.refine(searched, workers=2, observe=seen),
+    }
+
+
+def time_left_rows() -> list[Row]:
+    """Return how often the time left that runs state is right."""
+    return [_time_left_row(name, work) for name, work in timed_runs().items()]
+
+
+def _time_left_row(name: str, work: Callable[[Observer], Any]) -> Row:
+    tell(name)
+    began, stated = computing_clock(), list[tuple[float, float, str]]()
+
+    def watch(progress: RunProgress) -> None:
+        if progress.remaining is not None:
+            stated.append((computing_clock() - began, progress.remaining, progress.stage))
+
+    work(watch)
+    end = computing_clock() - began
+    judged = [(end - passed, left, stage) for passed, left, stage in stated if passed >= BEGINNING * end]
+    right = [true / FACTOR <= left <= FACTOR * true or max(true, left) < SHORT for true, left, _ in judged]
+    stages = []
+    for stage in dict.fromkeys(stage for *_, stage in judged):
+        ratios = [left / max(true, 1e-3) for true, left, each in judged if each == stage and true >= SHORT]
+        if ratios:
+            stages.append(f"{stage} {min(ratios):.2g} to {max(ratios):.2g}")
+    note = f"{end:.1f} s, {len(judged)} statements; stated over true: {', '.join(stages) or 'none'}"
+    value = 100 * float(np.mean(right)) if right else float("nan")
+    return Row("time left", name, "right within a factor of 2", "%", value, note=note)
 
 
 def count_rows() -> list[Row]:
