@@ -20,9 +20,9 @@ INITIAL = key_of("initial")  # key of the initial solutions in the journal of a 
 
 
 def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes | None:
-    """Return genes (rows, n_var) of initial solutions; warn of motions that they only approximate.
+    """Return genes (rows, n_var) of initial solutions; warn if genes only approximate motions.
 
-    Raises InvalidInput for motions that the problem cannot encode, and for a front of another problem without motions.
+    Raises InvalidInput for motions that the problem cannot encode, and for another problem's front without motions.
     """
     if isinstance(initial, Front):
         if initial.genes is not None and initial.provenance.get("fingerprint") == fingerprint(problem):

@@ -29,12 +29,12 @@ from paretoik.trajectory.plan import Optimum, Plan
 def named_problem(problem: Any, *, time_limit: float | None = None, evaluation_timeout: float | None = None) -> Any:
     """Return ``problem`` itself, or the problem that it names if it is text.
 
-    problem: problem or its name; for a polygon its arm; None
+    problem: problem, its name or None; for a polygon its arm
     time_limit: longest time to load the problem [s]
     evaluation_timeout: longest call of a user's function [s]
 
-    Raises InvalidInput for other objects, and as ``load_problem`` does; SolverFailed if loading takes longer;
-    EvaluationFailed if several calls take longer.
+    Raises InvalidInput for other objects, and as ``load_problem`` does; SolverFailed if loading exceeds
+    ``time_limit``; EvaluationFailed if several calls exceed ``evaluation_timeout``.
     """
     timeline(problem)  # refuses objects whose attributes cannot be read
     is_problem = not isinstance(problem, type) and (hasattr(problem, "n_obj") or hasattr(problem, "dof"))

@@ -65,8 +65,7 @@ def select(
     preference = as_preference(preference)
     if front.problem is None and is_loop(front):
         raise InvalidInput(
-            "front must come with the closed loop of its run, got none; load it with its problem: "
-            "load_front(run, problem), or --problem FILE.py:NAME"
+            "front must be loaded with its ClosedLoop, got none: load_front(run, problem), or --problem FILE.py:NAME"
         )
     problem = ProblemParts(front.problem).reweigh(front, preference)
     if problem is None:

@@ -337,7 +337,7 @@ class Session:
         end: Callable[[], object],
         draw: Callable[[Path], object],
     ) -> None:
-        """Save the final result; complete the recording with ``end()``; ``draw`` pictures.
+        """Save the final result; complete the recording by ``end()``, the pictures by ``draw``.
 
         The checkpoint of a stopped run and the journal of a search are kept. After a signal, or if ``end()`` returns
         None, no pictures are drawn.

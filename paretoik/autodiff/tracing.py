@@ -192,7 +192,7 @@ class TracedArray(NDArrayOperatorsMixin):
         return apply_function(self.source, function, args, settings)
 
     def entry_axes(self, axes: Any) -> tuple[int, ...]:
-        """Return axes (None: all) as axes of ``entries``; raise NotLocal if the hidden axis is among them."""
+        """Return axes (None: all) as axes of ``entries``; raise NotLocal if the time axis is one of them."""
         try:
             normalized = normalize_axis_tuple(range(self.ndim) if axes is None else axes, self.ndim)
         except (TypeError, ValueError) as error:

@@ -170,7 +170,7 @@ class JointActuation:
 
     @cached_property
     def table(self) -> Float[np.ndarray, "dof columns"]:
-        """Columns of ``actuator_kernels``, one row per joint."""
+        """Table for ``actuator_kernels``, one row per joint."""
         rows = np.zeros((self.dof, actuators.COLUMNS))
         rows[:, actuators.SHAPE] = SHAPES.index(self.motors.shape)
         rows[:, actuators.STALL], rows[:, actuators.FASTEST] = self.motors.stall, self.motors.fastest
@@ -277,7 +277,7 @@ class DistributedActuation:
 
     @cached_property
     def table(self) -> Float[np.ndarray, "dof columns"]:
-        """Columns of ``actuator_kernels``, one row per joint."""
+        """Table for ``actuator_kernels``, one row per joint."""
         rows = np.zeros((self.dof, actuators.COLUMNS))
         rows[:, actuators.SHAPE] = SHAPES.index(self.front.shape)
         rows[:, actuators.STALL], rows[:, actuators.FASTEST] = self.front.stall, self.front.fastest

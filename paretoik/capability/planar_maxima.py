@@ -246,10 +246,10 @@ def _feasible_end(curve, inside, outside, problem, q, work):
 
 @compiled
 def _write_places(curve, grid_values, problem, q, work, places, grid_index):
-    """Write, in order, the places of a curve to compare, and their grid numbers; return how many.
+    """Write the places of a curve that are compared, with their grid numbers; return their number.
 
-    These are the feasible places of the grid and, as ``NEW``, the ends of every feasible interval. Places ``OUTSIDE``
-    separate the intervals. Between two places of the grid, intervals are searched for at the local maxima of the slack.
+    These are the feasible places of the grid and, marked ``NEW``, the ends of feasible intervals. ``OUTSIDE`` marks
+    separate the intervals. Intervals narrower than the grid are searched for at the local maxima of the slack.
     """
     step, count = 2.0 * np.pi / OPTIONS.around, 0
     slacks = np.empty(OPTIONS.around)

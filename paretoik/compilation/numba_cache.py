@@ -217,9 +217,9 @@ def compiled(function: Any = None, *, what: str = "", seconds: float | None = No
 
 
 def c_function(signature: Any, *, what: str = "", seconds: float | None = None) -> Callable[[Any], Any]:
-    """Return a function that compiled callers call as an external one; it is compiled now, or loaded from the cache.
+    """Return a decorator that compiles a function now, or loads it, for external calls from compiled code.
 
-    ``signature`` may have only numbers and pointers.
+    ``signature`` may contain only numbers and pointers.
     """
 
     def decorate(function: Any) -> Any:

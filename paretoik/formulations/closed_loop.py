@@ -153,7 +153,7 @@ ASKED_BY_PYMOO = ("vars", "vtype", "xl", "xu", "bounds", "has_bounds", "n_ieq_co
 
 
 class ClosedLoop:
-    """Follow ``path`` with ``arm``: each step searches a front and chooses by weights.
+    """Follow ``path`` with ``arm``: each step finds a front and chooses by weights.
 
     ``solve`` follows the path and returns the motion as a front of one point. Each of its objectives is the mean over
     the steps. ``front.select`` follows the path again with other weights.

@@ -253,7 +253,7 @@ def _checked_parameters(
             )
         chosen.append(each if isinstance(each, Parameter) else by_name[each])
     if not chosen:
-        raise InvalidInput("parameters must be at least one, got none")
+        raise InvalidInput("parameters must not be empty, got none")
     names = [name for each in chosen for name in each.fields]
     if len(set(names)) != len(names):
         raise InvalidInput(f"parameters must set each field once, got {', '.join(names)}")

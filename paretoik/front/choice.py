@@ -233,9 +233,9 @@ def explain(
 
 
 def explain_named(front: FrontData, row: int) -> Choice:
-    """Return the point of a row as a choice by its id.
+    """Return a row's point as a choice that was made by id.
 
-    If a move along the front led to the point, the verdict is the reason of that move.
+    If a move along the front led to the point, the verdict gives the reason for that move.
     """
     id = int(front.ids[row])
     moves = [move for move in front.provenance.get(NAVIGATIONS, ()) if move["to"] == id]

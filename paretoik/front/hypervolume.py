@@ -150,7 +150,7 @@ class HypervolumeCurve:
     def measure(self, front: Objectives, number: int, corner: Values | None = None) -> float | None:
         """Return the hypervolume of the front of a generation; None if there is no time for it.
 
-        ``corner`` (n_obj,) is the reference point and must always be the same; by default it is the first front's.
+        ``corner`` (n_obj,) is the reference point, the same in every call; by default it follows from the first front.
         """
         corner = self.corner(front) if corner is None else corner
         elapsed = time.monotonic() - self._started

@@ -75,7 +75,7 @@ def state(pattern: Pattern, elastic: int, hessian: sparse.csr_array | None, valu
         return np.fromiter(values, float, size)
 
     def product(structure: Structure) -> Any:
-        """Return matrix · d; the matrix has the next numbers at the places of a structure."""
+        """Return A · d; A's nonzeros, placed by ``structure``, are read from ``values``."""
         row, column = structure.places
         entries = numbers(len(row))
         return sparse.csc_array((entries, (row, column)), shape=structure.shape) @ d

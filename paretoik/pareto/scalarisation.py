@@ -156,7 +156,7 @@ def minimise_from(
 
 
 def insert_best(optima: Solutions, others: Solutions, weights: Float[np.ndarray, " n_obj"]) -> Solutions:
-    """Return optima, with the best feasible one of ``others`` first if it is better than all."""
+    """Return the optima; before them the best feasible one of ``others``, if it is better than all optima."""
     feasible = others[others.violation <= FEASIBLE]
     if not len(feasible):
         return optima

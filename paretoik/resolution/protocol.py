@@ -238,7 +238,7 @@ def number(
 ) -> dict[str, Any]:
     """Return the metadata of a field.
 
-    below: the field's values are from 0 to less than this
+    below: upper bound of values, excluded; the lower one is 0
     search: default range in which the field is tuned, None if it is not tuned by default
     scale: scale of the search
     """
@@ -257,10 +257,9 @@ class Criterion:
     reference: best H of a minimised criterion, or worst tolerable H of a maximised one
     scale: divisor of its value, H = value / scale
 
-    In ``WeightedGradientProjection`` the weight is 1 if the criterion is bad, and decreases to 0 if it is good. It
-    follows from exp(reference − H) for a minimised criterion, 1 − exp(reference − H) for a maximised one (Wan et al.
-    2018, Eqs. 27 and 28). A mean over time, such as ``manipulability``, has its value at the sample:
-    ``motion.duration`` is 1 s.
+    ``WeightedGradientProjection`` weighs a criterion from 1 (bad) to 0 (good), by exp(reference − H) if it is
+    minimised, by 1 − exp(reference − H) if it is maximised (Wan et al. 2018, Eqs. 27 and 28). A mean over time, such as
+    ``manipulability``, is the value at one sample, because ``motion.duration`` is 1 s.
 
     Raises InvalidInput for other objectives and for numbers out of range.
     """

@@ -88,7 +88,7 @@ def run_text(provenance: Mapping[str, Any]) -> str:
 
 
 def counted(number: int, one: str, many: str = "") -> str:
-    """Return a number of things in words."""
+    """Return a number with its noun."""
     return f"{number} {one if number == 1 else many or one + 's'}"
 
 

@@ -163,7 +163,7 @@ def _path(source: str, joints: Sequence[JointDescription], base: str, tip: str) 
     link = tip
     while link != base:
         if link not in parent_joint:
-            raise InvalidInput(f"{source}: base must be a link that carries the tip {shown(tip)}, got {shown(base)}")
+            raise InvalidInput(f"{source}: base must be an ancestor of the tip {shown(tip)}, got {shown(base)}")
         path.append(parent_joint[link])
         link = parent_joint[link].parent
     return path[::-1]

@@ -189,7 +189,7 @@ def distribute(
 def distribute_remembered(
     function: Function, shared: Any, items: Sequence[Any], keys: Sequence[bytes | None]
 ) -> Iterator[tuple[int, Values | Lost]]:
-    """Yield as ``distribute`` does; results are plain arrays by name, from the journal if it has their keys."""
+    """Yield as ``distribute`` does, but dicts of arrays, read from the journal if it has the item's key."""
     remaining = list[int]()
     for place, key in enumerate(keys):
         stored = None if key is None else recalled(key)

@@ -268,7 +268,7 @@ def _state_names(kind: type) -> set[str]:
 
 
 def _reachable(nodes: Mapping[str, Function], names: Iterable[str]) -> set[str]:
-    """Return these methods and those that they call by their own object or ``super()``."""
+    """Return these methods and those that they call on self, cls or ``super()``."""
     reached, pending = set[str](), [name for name in names if name in nodes]
     while pending:
         name = pending.pop()

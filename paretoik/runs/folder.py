@@ -25,7 +25,7 @@ PART = f"{FORMER}.part"
 
 
 def set_aside(folder: Path) -> None:
-    """Move the run in a folder into `.former-run`; remove it if it has no result and cannot resume."""
+    """Move a folder's run into `.former-run`, or remove it if it has no result and cannot resume."""
     if has_result(folder) or can_resume(folder):
         part = folder / PART
         part.mkdir()

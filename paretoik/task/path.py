@@ -184,7 +184,7 @@ class Path:
 
     def _count_among(self, samples: int) -> int:
         if sample_count(samples) > self.samples:
-            raise InvalidInput(f"samples: must be at most the path's own {self.samples}, got {shown(samples)}")
+            raise InvalidInput(f"samples must be at most {self.samples}, as the path has, got {shown(samples)}")
         return int(samples)
 
     def _select(self, index: np.ndarray) -> Path:

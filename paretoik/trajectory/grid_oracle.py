@@ -550,7 +550,7 @@ def _feasible_grid(task: MotionTask, grid: PostureGrid, terms: Terms) -> Posture
 def _select_paths(
     task: MotionTask, level: MotionTask, grid: PostureGrid, terms: Terms, paths: np.ndarray, classes: int
 ) -> dict[str, Any]:
-    """Return the best motion of every class, and distant motions."""
+    """Return each class's best motion, then motions far from these."""
     if task.cyclic:
         paths = paths[np.abs((paths[:, -1] - paths[:, 0]) / grid.scales).max(axis=1) < 1e-6]
     motions = level.motion(paths)

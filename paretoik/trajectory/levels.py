@@ -157,9 +157,9 @@ def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"], first:
 
 
 def objective_scales(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
-    """Return each objective's size at the best coarse start.
+    """Return each objective's least magnitude at the coarse starts.
 
-    It is the unit of barriers and tolerances, and at least a share of the usual size, as one start may be near 0.
+    It is the unit of barriers and tolerances. It is at least a share of the lower quartile, as one value may be near 0.
     """
     level = task.subsample(q.shape[1])
     sizes = [size[np.isfinite(size)] for size in np.abs(require_values(level, level.motion(q)).T)]

@@ -70,7 +70,7 @@ def evaluate_functions(kernel, work):
 
 @compiled
 def measure_kinks(kernel, work):
-    """Write the size of each kink's argument: its mean over time."""
+    """Write the size of each kink's argument: the mean of its absolute value over time."""
     samples, largest = work.arguments.shape[1], 0.0
     for j in range(len(kernel.kinks)):
         work.widths[j, 0] = 0.0

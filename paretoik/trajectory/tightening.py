@@ -125,7 +125,7 @@ def hold_all(
             compile_method(program, x[0], np.eye(1, len(program.upper)), OPTIONS.warm, solver=solver)
         for i, values in compute_each(_hold_values, program, [(one, n_obj, solver) for one in x], keys):
             if isinstance(values, Lost):
-                warn_user(f"motion {i}: {values.cause}; it stays as it is")
+                warn_user(f"motion {i}: {values.cause}; it is not tightened")
                 results[i] = unseen(x=x[i])
             else:
                 results[i] = HeldMotion(x=values["x"], bounds=values["bounds"], violation=float(values["violation"]))

@@ -1,4 +1,4 @@
-"""The limits of a motion, measured again: excesses and worst places. Excesses are shares of ranges."""
+"""Excesses of a motion over its limits, computed again, and the worst of them."""
 
 from __future__ import annotations
 

@@ -144,7 +144,8 @@ def project(
 class ProjectedCurve:
     """A motion's curve on its path, as Chebyshev series (pieces, nodes, dof) between ``edges``.
 
-    ``error`` is the largest distance from the path [share of the arm's length, rad] at its nodes, ``at`` its time [s].
+    error: largest distance of the nodes from the path [share of the arm's length, rad]
+    at: its time [s]
     """
 
     edges: np.ndarray

@@ -229,7 +229,7 @@ class RunContents:
 
     @property
     def values(self) -> np.ndarray:
-        """The objectives of every row of the table (points, n_obj), in their own sign."""
+        """The objectives (points, n_obj) of the table's rows, maximised ones not negated."""
         columns = [self.table.get(str(each["name"]), np.full(len(self.ids), np.nan)) for each in self.objectives]
         return np.stack(columns, axis=1) if columns else np.zeros((len(self.ids), 0))
 

@@ -146,7 +146,7 @@ def test_a_zero_limit_is_a_warning_and_a_required_choice(write_urdf, what):
         ({}, "tip must be one of the leaves panda_hand_tcp, panda_leftfinger, panda_rightfinger, got none"),
         (
             {"base": "panda_hand", "tip": "panda_link3"},
-            "base must be a link that carries the tip 'panda_link3', got 'panda_hand'",
+            "base must be an ancestor of the tip 'panda_link3', got 'panda_hand'",
         ),
         ({"tip": "panda_hand", "fixed": {"elbow": 0.0}}, "fixed must name joints among panda_joint1, .*, got 'elbow'"),
     ],

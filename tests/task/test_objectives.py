@@ -177,7 +177,7 @@ class Raising:
         (
             "integral",
             lambda motion: motion.q,
-            r"\(integral\) .*, here \(3, 17\), got \(3, 17, 4\): .* 17 times of each",
+            r"\(integral\) .*, here \(3, 17\), got \(3, 17, 4\); .* 17 times of each",
         ),
         ("integral", lambda motion: motion.q[..., 0] * 1j, "odd must return real numbers, got complex128"),
         (

@@ -116,8 +116,8 @@ class Barrier(NamedTuple):
     """The subproblem of a barrier and a penalty.
 
     mu: barrier μ
-    violation: violation when it was last halved
-    helpful_penalty: penalty at that time
+    violation: violation of the constraints when that was last halved
+    helpful_penalty: penalty then
     """
 
     mu: float
@@ -467,7 +467,7 @@ def _stationarity(kernel, work, it, goal):
 def _subproblem_solved(barrier, stationarity, complementarity, flat, it, options):
     """Return whether the errors of the barrier subproblem are within tolerances.
 
-    Stationarity does not count if the merit is ``flat``: it could only decrease by rounding errors. Source: Wächter &
+    Stationarity does not count if the merit is ``flat``, that is, cannot decrease much any more. Source: Wächter &
     Biegler 2006, Eq. 5.
     """
     tolerance, largest = options.barrier_tolerance * barrier.mu, 0.0

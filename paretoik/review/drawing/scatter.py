@@ -209,7 +209,7 @@ class Scatter:
             recording.log([*entity, "note"], labels([words], middle[None]) if words else rr.Points2D([]))
 
     def lines(self, generation: Generation) -> Area:
-        """Return points on a generation's lines and their names [pixels]."""
+        """Return points [pixels] on a generation's lines and their labels."""
         for panel in self.panels[:1]:
             if self.scene.timeline == "refinement":
                 return line_points(self._moves(panel, generation))
@@ -256,7 +256,7 @@ class Scatter:
         lines: Lines = NO_LINES,
         static: bool = False,
     ) -> None:
-        """Label the point F (1, n_obj) of a layer; without words, remove the label."""
+        """Label a layer's point F (1, n_obj); if ``words`` is empty, remove the label."""
         for panel in self.panels[:1]:
             marks = panel.place(F[panel.shows(F)]) if words else NO_POINTS
             others = np.concatenate([panel.place(F), avoid])
