@@ -93,7 +93,7 @@ def list_problems(
 
     places = dict.fromkeys(files or sorted(str(file) for file in Path("problems").glob("[!_]*.py")))
     if not places:
-        raise InvalidInput(f"files must name at least one, got none, and there is no problems/*.py in {Path.cwd()}")
+        raise InvalidInput(f"files must not be empty, got none, and there is no problems/*.py in {Path.cwd()}")
     rows, errors, silent = list[tuple[str, str]](), list[ParetoikError](), dict[str, list[str]]()
     for place in places:
         try:

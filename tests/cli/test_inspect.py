@@ -33,7 +33,7 @@ def test_a_file_that_cannot_be_listed_does_not_hide_the_others(paretoik, mine, t
 def test_list_without_any_file_says_where_it_looked(paretoik, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     assert paretoik("list") == Ended(
-        2, "", f"error: files must name at least one, got none, and there is no problems/*.py in {tmp_path}\n"
+        2, "", f"error: files must not be empty, got none, and there is no problems/*.py in {tmp_path}\n"
     )
 
 
