@@ -49,9 +49,9 @@ SLOW_TESTS = frozenset((Path(__file__).parent / "slow_tests.txt").read_text(enco
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by markers
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests that the default run leaves out, because they take several seconds each."""
+    """Mark the cases, tests and files that the default run leaves out, because they take seconds each."""
     for item in items:
-        if item.nodeid in SLOW_TESTS or item.nodeid.partition("[")[0] in SLOW_TESTS:
+        if SLOW_TESTS & {item.nodeid, item.nodeid.partition("[")[0], item.nodeid.partition("::")[0]}:
             item.add_marker(pytest.mark.slow)
 
 
