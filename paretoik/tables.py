@@ -92,13 +92,13 @@ def fit_screen(text: str) -> str:
 
 
 def wrap_text(text: str, width: int) -> str:
-    """Return text with lines wrapped to ``width``; continuation lines begin below the second column."""
+    """Wrap lines to a width; continuation lines begin below the second column, or a bullet's text."""
     lines = list[str]()
     for line in text.splitlines():
         if len(line) <= width:
             lines.append(line)
             continue
-        label = re.match(r"\s*\S+\s{2,}|\s*", line)
+        label = re.match(r"\s*\S+\s{2,}|\s*(?:- )?", line)
         indent = " " * min(label.end() if label is not None else 0, width // 2)
         lines += textwrap.wrap(line, width, subsequent_indent=indent, break_on_hyphens=False, replace_whitespace=False)
     return "\n".join(lines)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +14,7 @@ from paretoik.front.choice_tree import preference_data
 from paretoik.front.points import confirmation_text
 from paretoik.review.words import describe_limits_between, ending_words
 from paretoik.runs.files import DRAWING, RUN, STOPPED, can_resume, problem_words, read_run
-from paretoik.tables import columns
+from paretoik.tables import columns, wrap_text
 
 if TYPE_CHECKING:
     from paretoik.front.choice import Choice
@@ -147,7 +146,7 @@ def choice_text(front: Front, choice: Choice) -> str:
         (f"  {name}", f"{value:.6g} {unit}")
         for name, unit, value in zip(front.names, front.units, choice.objectives, strict=True)
     ]
-    lines = [f"point {choice.id}", columns(rows), textwrap.fill(choice.reason, 100)]
+    lines = [f"point {choice.id}", columns(rows), wrap_text(choice.reason, 100)]
     if front.certificates is not None:
         lines.append(certificate_text(front.certificates[[choice.index]]))
     lines += filter(None, [describe_limits_between(front, [choice.index])])

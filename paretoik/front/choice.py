@@ -128,8 +128,8 @@ class Choice:
 
     id, index: id and row of the point
     objectives, motion: its values and its motion
-    reason: sentences on why it was chosen, made from the other fields
-    verdict: first of these sentences, from the preference
+    reason: why it was chosen, as at most five bullets, made from the other fields
+    verdict: text of the first bullet, from the preference
     preference: preference that chose the point
     score: number that the preference minimises, or None
     details: other results of the preference, by name
@@ -156,7 +156,7 @@ class Choice:
     jumps: tuple[tuple[int, int], ...] = ()
 
     def __repr__(self) -> str:
-        return fit_screen(f"Choice of point {self.id}: {self.reason}")
+        return fit_screen(f"Choice of point {self.id}\n{self.reason}")
 
     _repr_html_ = html_representation
 
@@ -228,8 +228,8 @@ def explain(
         rates=exchange_rates(front, row),
         jumps=tuple(pair for pair in front.jumps or () if int(front.ids[row]) in pair),
     )
-    sentences = [verdict] if len(front) == 1 else [verdict, *_trade_offs(front, choice), *_rates(front, choice)]
-    return replace(choice, reason=" ".join(filter(None, sentences)))
+    facts = [] if len(front) == 1 else [*_trade_offs(front, choice), " ".join(_rates(front, choice))]
+    return replace(choice, reason="\n".join(f"- {text}" for text in (verdict, *facts) if text))
 
 
 def explain_named(front: FrontData, row: int) -> Choice:
@@ -307,7 +307,7 @@ def exchange_rates(front: FrontData, row: int) -> tuple[ExchangeRate, ...]:
     return tuple(result)
 
 
-# The reason of a choice in sentences, made only from its fields.
+# The reason of a choice in words, made only from its fields.
 
 
 def subject(front: FrontData, row: int) -> str:
@@ -352,7 +352,7 @@ def amounts_in_words(front: FrontData, amounts: Mapping[str, float], *, better: 
 
 
 def _trade_offs(front: FrontData, choice: Choice) -> Iterator[str]:
-    """Yield sentences on a point's values, ends of the front, neighbours and jumps."""
+    """Yield three texts: a point's values, the ends of the front, and neighbours with jumps; "" for no facts."""
     # Distances from the best are given with the values if there are too many objectives for a sentence on each.
     several = len(front.names) > OPTIONS.described
     parts = []
@@ -360,28 +360,33 @@ def _trade_offs(front: FrontData, choice: Choice) -> Iterator[str]:
         distance = f" ({percent(share)} of the range from the best)" * several
         note = " (the same at every point)" if low == high else distance
         parts.append(f"{named_quantity(front, axis, choice.objectives[axis])}{note}")
-    yield f"It has {list_words(parts)}."
-
+    values = f"It has {list_words(parts)}."
     names = {name for end in choice.ends for name in end.better_in}
     ranged = [name for name, (low, high) in zip(front.names, front.ranges, strict=True) if low < high]
     if best := [name for name in ranged if name not in names]:
-        yield f"No point is better in {list_words(best, 'or')}."
+        values += f" No point is better in {list_words(best, 'or')}."
+    yield values
+
+    ends = list[str]()
     if several and choice.ends:
-        yield f"The best are {list_words([f'point {end.id} in {list_words(end.better_in)}' for end in choice.ends])}."
+        words = list_words([f"point {end.id} in {list_words(end.better_in)}" for end in choice.ends])
+        ends.append(f"The best are {words}.")
     for end in choice.ends if not several else ():
         more = amounts_in_words(front, end.gains, better=False, shares=True)
         less = amounts_in_words(front, end.costs, better=True, shares=True)
-        yield f"Compared with point {end.id}, the best in {list_words(end.better_in)}, it has {more} for {less}."
+        ends.append(f"Compared with point {end.id}, the best in {list_words(end.better_in)}, it has {more} for {less}.")
+    yield " ".join(ends)
 
     parts = []
     for each in choice.neighbours[: OPTIONS.described]:
         gains = amounts_in_words(front, each.gains, better=True)
         costs = amounts_in_words(front, each.costs, better=False)
         parts.append(f"point {each.id} has {gains} for {costs}")
-    if parts:
-        yield f"Its neighbour{'s' * (len(parts) > 1)}: {'; '.join(parts)}."
-    for one, other in choice.jumps:
-        yield f"Between points {one} and {other} the front jumps to another branch of optima."
+    near = [f"Its neighbour{'s' * (len(parts) > 1)}: {'; '.join(parts)}."] if parts else []
+    near += [
+        f"Between points {one} and {other} the front jumps to another branch of optima." for one, other in choice.jumps
+    ]
+    yield " ".join(near)
 
 
 def _rates(front: FrontData, choice: Choice) -> Iterator[str]:

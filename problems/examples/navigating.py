@@ -21,7 +21,7 @@ print(f"from point {choice.id}: {choice.objectives}")
 
 # %%
 moved = front.navigate(choice, improve="kinetic_energy")
-print(moved.navigated.reason.partition(" It has ")[0])
+print(moved.navigated.verdict)
 
 # %% [markdown]
 # It can also improve by an amount, or to a value, in the objective's own unit; `allow` and `hold` say who pays and who

@@ -12,7 +12,7 @@ def test_select_as_json_gives_id_objectives_and_reason(paretoik, finished):
     said = strict(paretoik("select", finished, "--weights", "kinetic_energy=1", "--json").out)
     assert said["id"] == front.ids[0]
     assert said["objectives"] == dict(zip(front.names, front.objectives[0].tolist(), strict=True))
-    assert said["reason"].startswith(f"Point {front.ids[0]} of {len(front)} has the least weighted sum")
+    assert said["reason"].startswith(f"- Point {front.ids[0]} of {len(front)} has the least weighted sum")
 
 
 def test_select_draws_a_picture_if_told(paretoik, finished, tmp_path):

@@ -114,7 +114,7 @@ def test_a_move_gains_what_was_asked_is_certified_and_new(front):
             assert moved.certificates.violation[new.index] <= 1e-8
             assert non_dominated(moved.minimised).all()
         assert_kept(front, moved)
-        assert new.reason.startswith(f"From point {start} to ")
+        assert new.verdict.startswith(f"From point {start} to ")
 
 
 def assert_predicts(front, start, name):

@@ -44,10 +44,12 @@ def best_rows(front: Front, axis: int) -> list[int]:
 
 
 def check_reason(front: Front, choice: Choice) -> None:
-    """Check a reason sentence by sentence, until none is left."""
+    """Check a reason of at most five bullets sentence by sentence, until none is left."""
     row, ids = choice.index, front.ids.tolist()
-    assert choice.reason.startswith(choice.verdict)
-    rest = choice.reason.removeprefix(choice.verdict)
+    bullets = choice.reason.splitlines()
+    assert bullets[0] == f"- {choice.verdict}"
+    assert len(bullets) <= 5
+    rest = "".join(bullet.removeprefix("-") for bullet in bullets[1:])
     place = re.search(r" It has (.*?)\.(?= [A-Z]|$)", rest)
     assert re.findall(r"(f\d) ([-+.\de]+)", re.sub(r"\(.*?\)", "", place[1])) == [
         (name, digits(value, 4)) for name, value in zip(front.names, front.objectives[row], strict=True)

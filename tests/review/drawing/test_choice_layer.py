@@ -85,7 +85,7 @@ def test_a_choice_is_in_the_recording_which_stays_complete_and_opens_on_it(front
     checked = verify(file)
     assert checked.returncode == 0, checked.stderr
     assert text_of(file).startswith(f"# Point {choice.id}, chosen")
-    assert choice.reason.split(".")[0] in text_of(file)
+    assert choice.verdict.split(".")[0] in text_of(file)
     assert data(file) == before
     assert views(file) != layout
     assert {"/choice/text", "/choice/arm"} <= set(views(file).values())
