@@ -143,7 +143,7 @@ def test_every_slow_test_exists():
     for line in (ROOT / "tests" / "slow_tests.txt").read_text().splitlines():
         file, _, name = line.partition("[")[0].partition("::")
         names = {getattr(node, "name", None) for node in ast.parse((ROOT / file).read_text()).body}
-        assert name in names, line
+        assert name in names or not name, line
 
 
 def test_no_file_names_a_machine_or_a_registry():

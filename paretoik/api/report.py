@@ -12,12 +12,13 @@ from paretoik.api.result import ENTRY, read_stored_motions
 from paretoik.api.result_text import gap_text, status_text
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.file_paths import shell_command
-from paretoik.formulations.protocol import is_loop
+from paretoik.formulations.protocol import describe, is_loop
 from paretoik.front.certificates import certificate_text
 from paretoik.front.choice import list_words
 from paretoik.front.front import Front
 from paretoik.front.points import StoredMotions, attach, confirmation_text
 from paretoik.inputs import check_flag, file_path, shown
+from paretoik.review.palette import objective_label
 from paretoik.review.report import Report, Steps
 from paretoik.review.words import describe_limits_between
 from paretoik.runs.files import (
@@ -97,11 +98,13 @@ def report(
         names, steps = list_words(front.names), _steps(front, front.folder)
         title = f"The front of {names}" if len(front.names) > 1 else f"The optimum of {names}"
         title = f"A closed loop by {names}" if is_loop(front) else title
-        page = Report(front=front, title=title, choices=front.choices, notes=_notes(front), steps=steps)
+        page = Report(
+            front=front, title=title, solved=_solved(front), choices=front.choices, notes=_notes(front), steps=steps
+        )
     else:
         reason = infeasible.reason[:1].upper() + infeasible.reason[1:]
         notes = [reason, *(f"In the least-violating motion, {words}." for words in infeasible.broken)]
-        page = Report(front=front, title="No feasible motion", notes=notes, nearest=True)
+        page = Report(front=front, title="No feasible motion", solved=_solved(front), notes=notes, nearest=True)
     page.write(place)
     return place
 
@@ -148,6 +151,15 @@ def read_infeasible(folder: Path) -> InfeasibleRun | None:
 
 
 # Parts of a page.
+
+
+def _solved(front: Front) -> str:
+    """Return what was solved as text: the stored description, else the problem's, else the objectives."""
+    if (stored := front.provenance.get("solved")) is not None:
+        return str(stored)
+    if front.problem is not None:
+        return describe(front.problem)
+    return "objectives  " + ", ".join(map(objective_label, front.names, front.units, front.maximised))
 
 
 def _notes(front: Front) -> list[str]:

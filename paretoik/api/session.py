@@ -16,7 +16,7 @@ import numpy as np
 
 from paretoik.api.result import infeasible_entries, nearest_motion
 from paretoik.errors import Infeasible, InvalidInput, SolverFailed, warn_user
-from paretoik.formulations.protocol import Timeline
+from paretoik.formulations.protocol import Timeline, describe
 from paretoik.front.front import Front
 from paretoik.front.preferences.knee_and_compromise import compromise
 from paretoik.front.storage import front_files
@@ -460,6 +460,7 @@ def open_session(request: RunRequest) -> Iterator[Session]:
             entries={
                 "verb": request.verb,
                 "problem": request.reference,
+                "solved": describe(request.problem),
                 "fingerprint": mark,
                 "settings": {**request.settings, **given},  # the journal of a resumed run has its initial solutions
                 "versions": versions(),

@@ -30,7 +30,7 @@ from paretoik.formulations.control_step import (
     check_start,
     check_steps,
 )
-from paretoik.formulations.formulation import task_text
+from paretoik.formulations.formulation import task_rows
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.choice import Choice, Preference
 from paretoik.front.front import Front
@@ -38,7 +38,7 @@ from paretoik.front.preferences import Weights
 from paretoik.inputs import check_flag, check_seed, check_size, finite_array, likely_spelling, shown
 from paretoik.robot.arm import Arm
 from paretoik.search.genes import SMALLEST_POPULATION
-from paretoik.tables import fit_screen, html_representation
+from paretoik.tables import columns, fit_screen, html_representation
 from paretoik.task.limits import Limits
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
@@ -241,9 +241,9 @@ class ClosedLoop:
 
     def __repr__(self) -> str:
         weights = ", ".join(f"{name} {weight:.0%}" for name, weight in self.named_weights.items())
-        summary = "\n".join(line for line in task_text(self.task).splitlines() if not line.startswith("objectives"))
         search = f"{self.population} individuals, {self.generations} generations, seed {self.seed}"
-        return fit_screen(f"Closed loop\n{summary}\neach step: {weights}; {search}\nnext: pk.solve(loop)")
+        rows = [*task_rows(self.task), ("each step", f"{weights}; {search}")]
+        return fit_screen(f"Closed loop\n{columns(rows)}\nnext: pk.solve(loop)")
 
     def changed(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Any, TypeVar
@@ -19,6 +20,7 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_array, shown
 from paretoik.search.operators import Seeded
 from paretoik.tables import columns, fit_screen, html_representation
+from paretoik.task.limits import JOINT_UNITS, Bounds, joint_units
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -26,26 +28,43 @@ from paretoik.task.objectives import Objective
 # Text of a motion problem, a few lines.
 
 
-def task_text(task: MotionTask) -> str:
-    """Return the arm, path, objectives and limits of a task as text."""
+def task_rows(task: MotionTask) -> list[tuple[str, str]]:
+    """Return the arm, path, frames, limits and obstacles of a task as rows of text."""
     start = "free" if task.start is None else "given"
     if task.cyclic:
         start += ", closed"
     limits, names = list[str](), list(task.limit_names)
-    for kind in task.bounds:  # a limit on all joints is named by its quantity, a limit on some joints with their names
+    for kind, bounds in task.bounds.items():
         joints = [joint for joint in task.arm.joint_names if f"{kind} of {joint}" in names]
         names = [name for name in names if name not in {f"{kind} of {joint}" for joint in joints}]
         if joints:
-            limits.append(f"{kind} of " + ("all joints" if len(joints) == task.arm.dof else ", ".join(joints)))
+            who = "" if len(joints) == task.arm.dof else f" of {', '.join(joints)}"
+            limits.append(f"{kind}{who} {_bounds_text(bounds, joint_units(task.arm, JOINT_UNITS[kind]))}")
+    if task.obstacles:
+        names[names.index("clearance")] = f"clearance {task.min_clearance:g} m"
     rows = [
         ("arm", f"{task.arm.name}, {task.arm.dof} joints, {task.redundancy} of them redundant"),
         ("path", f"{len(task.times)} samples, {task.times[-1]:.4g} s, start {start}"),
-        ("objectives", ", ".join(objective_text(each.name, each.unit, each.maximise) for each in task.objectives)),
-        ("limits", ", ".join([*limits, *names]) or "none"),
+        ("follows it", "; ".join(f"{each.frame.strip('<>')}: {each.axes}" for each in task.tasks)),
+        ("limits", "; ".join([*limits, *names]) or "none"),
     ]
     if task.obstacles:
-        rows.append(("obstacles", f"{len(task.obstacles)}, links of radius {task.link_radius:g} m"))
-    return columns(rows)
+        kinds = Counter(type(obstacle).__name__ for obstacle in task.obstacles)
+        shapes = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+        rows.append(("obstacles", f"{shapes}; links of radius {task.link_radius:g} m"))
+    return rows
+
+
+def _bounds_text(bounds: Bounds, unit: str) -> str:
+    """Return the finite bounds of joints as text: the narrowest and the widest if they differ."""
+    low, high = (each[np.isfinite(each)] for each in (bounds[..., 0], bounds[..., 1]))
+    if np.array_equal(-bounds[..., 0], bounds[..., 1]):
+        text = f"±{high.min():.4g}" + (f" to ±{high.max():.4g}" if high.max() > high.min() else "")
+    elif not len(low) or not len(high):
+        text = f"up to {high.max():.4g}" if len(high) else f"from {low.min():.4g}"
+    else:
+        text = f"from {low.min():.4g} to {high.max():.4g}"
+    return f"{text} {unit}"
 
 
 def objective_text(name: str, unit: str, maximised: bool) -> str:
@@ -95,6 +114,7 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     units: tuple[str, ...] = ()
     maximised: tuple[bool, ...] = ()
     constraint_names: tuple[str, ...]
+    next_step = "pk.solve(problem)"  # the call that a user would make next
     _repr_html_ = html_representation
 
     def __init__(self, low: Float[np.ndarray, " genes"], high: Float[np.ndarray, " genes"]) -> None:
@@ -103,10 +123,14 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
         super().__init__(n_var=len(low), xl=low, xu=high, **counts)
 
     def __repr__(self) -> str:
-        objectives = map(objective_text, self.names, self.units, self.maximised)
-        rows = [("objectives", ", ".join(objectives)), ("constraints", ", ".join(self.constraint_names) or "none")]
-        head = f"{type(self).__name__}, {self.n_var} genes"
-        return fit_screen("\n".join([head, columns(rows), "next: pk.solve(problem)"]))
+        task, arm = getattr(self, "task", None), getattr(self, "arm", None)
+        rows = [] if arm is None else [("arm", f"{arm.name}, {arm.dof} joints")]
+        rows = task_rows(task) if isinstance(task, MotionTask) else rows
+        rows.append(("objectives", ", ".join(map(objective_text, self.names, self.units, self.maximised))))
+        told = ("tracking", "evaluation", *(() if task is None else task.limit_names))
+        rows.append(("constraints", ", ".join(name for name in self.constraint_names if name not in told)))
+        text = columns([row for row in rows if row[1]])
+        return fit_screen(f"{type(self).__name__}, {self.n_var} genes\n{text}\nnext: {self.next_step}")
 
     def __str__(self) -> str:
         return repr(self)  # in place of pymoo's text

@@ -100,6 +100,11 @@ def task_of(problem: Any) -> MotionTask | None:
     return task if isinstance(task, MotionTask) else None
 
 
+def describe(problem: Any) -> str:
+    """Return what a problem asks for as text: its own representation, without the call to make next."""
+    return repr(problem).partition("\nnext:")[0]
+
+
 def at_samples_of(problem: Any, q: JointPaths | None) -> Any:
     """Return a problem with as many samples as motions (points, time, dof), by adding midpoints."""
     if q is not None and q.ndim == 3:

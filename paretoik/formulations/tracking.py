@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 from paretoik.arrays import Genes, JointPaths, Objectives, Values
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
-from paretoik.formulations.formulation import Formulation, check_motions, of_genes, task_text
+from paretoik.formulations.formulation import Formulation, check_motions, of_genes
 from paretoik.formulations.motions import values_between
 from paretoik.formulations.navigation import navigate, predict
 from paretoik.front.front import Front
@@ -31,7 +31,6 @@ from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.operators import Differential, SmoothMutation
 from paretoik.stop_flag import STOP
-from paretoik.tables import fit_screen
 from paretoik.task.differences import DIFFERENCES, Differences
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, Limits
 from paretoik.task.motion import Motion
@@ -177,6 +176,7 @@ class Tracking(Formulation, Differentiable):
     finer_than: Tracking | None = None
     computed_attributes = ("_rollouts", "encoding")
     search_attributes = ("_encoded_with", "_rollout_values")  # other attributes have their effects
+    next_step = "pk.solve(problem) or pk.epsilon_front(problem)"
     species_gene = 0  # the gene that selects the base motion
     follows_path = True
     navigate = navigate
@@ -218,10 +218,6 @@ class Tracking(Formulation, Differentiable):
         self.constraint_names = ("tracking", "evaluation", *self.task.limit_names)
         self._encoded_with = coefficients, bases, seed
         self._encode_motions()
-
-    def __repr__(self) -> str:
-        next_step = "pk.solve(problem) or pk.epsilon_front(problem)"
-        return fit_screen(f"Tracking, {self.n_var} genes\n{task_text(self.task)}\nnext: {next_step}")
 
     def _encode_motions(self) -> None:
         """Set the encoding of motions, from roll-outs at the task's samples."""

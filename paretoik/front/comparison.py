@@ -44,7 +44,7 @@ def _joined(name: str, fronts: Sequence[Front], rows: Sequence[Int[np.ndarray, "
 
 # entries whose differences are reported; counts and seconds always differ
 COMPARED = ("problem", "fingerprint", "settings", "versions", "computed", "status")
-KEPT = ("problem", "fingerprint", "versions")  # entries that the merged front takes from the first front
+KEPT = ("problem", "solved", "fingerprint", "versions")  # entries that the merged front takes from the first front
 Pairs = Float[np.ndarray, "fronts fronts"]
 ATTAINABLE = (2, 3)  # numbers of objectives for which surfaces are computed
 

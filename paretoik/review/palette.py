@@ -6,20 +6,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-from jaxtyping import Bool, Int
-
-from paretoik.robot.arm import Arm
-
-
-def joint_units(arm: Arm, units: tuple[str, str]) -> str:
-    """Return the unit of an arm's joints: that of its revolute joints, of its prismatic ones, or both."""
-    (turning, straight), sliding = units, is_sliding(arm)
-    return " or ".join(dict.fromkeys([turning] * bool((~sliding).any()) + [straight] * bool(sliding.any())))
-
-
-def is_sliding(arm: Arm) -> Bool[np.ndarray, " dof"]:
-    """Return which joints are prismatic."""
-    return np.array([kind == "prismatic" for kind in arm.joint_types])
+from jaxtyping import Int
 
 
 def even_rows(count: int, largest: int) -> Int[np.ndarray, " rows"]:

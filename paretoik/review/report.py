@@ -25,11 +25,11 @@ from paretoik.front.front import Front
 from paretoik.front.points import take
 from paretoik.front.preferences.knee_and_compromise import best_rows, compromise
 from paretoik.review.outlines import obstacle_lines
-from paretoik.review.palette import PAPER, is_sliding, objective_label
+from paretoik.review.palette import PAPER, objective_label
 from paretoik.runs.executor import computed_text
 from paretoik.runs.file_replacement import replace_file
 from paretoik.search.maximin import greedy_order
-from paretoik.task.limits import JOINT_UNITS, LIMITED
+from paretoik.task.limits import JOINT_UNITS, LIMITED, is_sliding
 from paretoik.task.motion import Motion
 
 # Motions in a report: curves and arms in small blocks, one per point, as many as fit.
@@ -223,7 +223,8 @@ class ReportPage:
         blocks = {} if self._motions is None else self._motions.blocks(order.tolist(), room)
         front, whole, certificates = self.front, self.report.front, self.front.certificates
         (bundle, packed), rows = plotly_bundle(), list[dict[str, Any]]()
-        script, provenance = "\n".join(_page_file(name) for name in SCRIPTS), dict(whole.provenance)
+        script = "\n".join(_page_file(name) for name in SCRIPTS)
+        provenance = {name: value for name, value in whole.provenance.items() if name != "solved"}
         if "computed" in provenance:
             provenance["computed"] = computed_text(provenance["computed"])
         checks = [(name, meaning) for name, (meaning, _) in self._checks.items()]
@@ -246,6 +247,7 @@ class ReportPage:
         moving = set(blocks) if self._motions is not None else set(front.ids.tolist())
         return environment.from_string(_page_file("page.html")).render(
             title=self.report.title,
+            solved=self.report.solved,
             front=whole,
             nearest=self.report.nearest,
             rows=rows,
@@ -325,13 +327,14 @@ class Steps:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Report:
-    """The content of a page: a front, its run's choices, notes, and steps of a closed loop.
+    """The content of a page: what was solved, a front, its run's choices, notes, and steps of a closed loop.
 
     nearest: whether the front's only point is the least-violating one, not a feasible one
     """
 
     front: Front
     title: str
+    solved: str = ""
     choices: Choices = field(default_factory=Choices)
     notes: Sequence[str] = ()
     steps: Steps | None = None

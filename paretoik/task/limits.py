@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, get_args
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from paretoik.errors import InvalidInput, warn_user
 from paretoik.inputs import (
@@ -58,6 +58,17 @@ LIMIT_KINDS = {
 LIMITED = {kind: each.values for kind, each in LIMIT_KINDS.items()}
 JOINT_UNITS = {kind: each.units for kind, each in LIMIT_KINDS.items()}
 Bounds = Float[np.ndarray, "#time dof 2"]
+
+
+def joint_units(arm: Arm, units: tuple[str, str]) -> str:
+    """Return the unit of an arm's joints: that of its revolute joints, of its prismatic ones, or both."""
+    (turning, straight), sliding = units, is_sliding(arm)
+    return " or ".join(dict.fromkeys([turning] * bool((~sliding).any()) + [straight] * bool(sliding.any())))
+
+
+def is_sliding(arm: Arm) -> Bool[np.ndarray, " dof"]:
+    """Return which joints are prismatic."""
+    return np.array([kind == "prismatic" for kind in arm.joint_types])
 
 
 @represented

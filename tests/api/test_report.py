@@ -36,6 +36,9 @@ def test_a_run_gets_its_report_into_its_folder(run):
 def test_without_its_problem_a_run_shows_positions_and_says_how_to_see_more(run, problem):
     folder, _ = run
     page = read(pk.report(folder))
+    (solved,) = page.texts("pre")
+    assert f"{problem}".startswith(solved)  # the run describes its problem itself
+    assert solved.startswith("Tracking")
     assert [each["name"] for each in page.data["motions"]["quantities"]] == ["position"]
     assert any("pk.report(folder, problem=problem)" in text for text in page.texts("p"))
     file = pk.report(pk.load_front(folder, problem))

@@ -127,7 +127,7 @@ def test_kept_choices_are_listed_and_marked(front):
     assert read.data["marks"]["14"].startswith("chosen before")
     assert read.data["start"] == 21
     assert read.texts("p", **{"class": "reason"})[:2] == ["because", "because"]
-    assert read.texts("span", **{"class": "mark"})[-1] == "the present choice"
+    assert "the present choice" in read.texts("span", **{"class": "mark"})
 
 
 def test_blocks_unpack_to_their_motions(front):

@@ -18,11 +18,11 @@ from paretoik.review.drawing.label_places import joined_labels, label_place
 from paretoik.review.drawing.layout import Layout, Legend, drawn_entries, log_text, set_times, text_view
 from paretoik.review.drawing.motion import CHOSEN, limit_lines
 from paretoik.review.drawing.space import Stage, fitting_eye
-from paretoik.review.palette import DRAWING, SCENES, SCREEN, Colour, even_rows, joint_units
+from paretoik.review.palette import DRAWING, SCENES, SCREEN, Colour, even_rows
 from paretoik.review.recording.messages import MaximaEnd, MaximaScene, PathEnd, PathScene, in_space
 from paretoik.review.words import run_text
 from paretoik.robot.kinematics import link_nodes
-from paretoik.task.limits import JOINT_UNITS
+from paretoik.task.limits import JOINT_UNITS, joint_units
 
 PATH, MAXIMA = "path", "maxima"  # entities
 

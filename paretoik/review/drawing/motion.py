@@ -17,10 +17,10 @@ from paretoik.review.drawing.arm import ArmDrawing
 from paretoik.review.drawing.axes import entity_names, screen_text
 from paretoik.review.drawing.charts import Chart, LimitLine, curve_points, fit_below_tabs
 from paretoik.review.drawing.layout import Entry, drawn_entries
-from paretoik.review.palette import DRAWING, SCREEN, even_rows, is_sliding, joint_units
+from paretoik.review.palette import DRAWING, SCREEN, even_rows
 from paretoik.review.recording.messages import RecordedMotion, RecordedPoint, Workcell, joint_curves
 from paretoik.robot.kinematics import joint_scales, link_nodes
-from paretoik.task.limits import JOINT_UNITS, usual_ranges
+from paretoik.task.limits import JOINT_UNITS, is_sliding, joint_units, usual_ranges
 
 CurvedMotion = tuple[np.ndarray, Mapping[str, np.ndarray]]  # times (time,), and (time, dof) by kind
 ALWAYS = ("position", "velocity", "torque")

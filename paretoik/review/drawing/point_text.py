@@ -11,12 +11,12 @@ from paretoik.front.choice import Choice
 from paretoik.front.front import Front
 from paretoik.front.preferences.knee_and_compromise import COMPROMISE_IN_WORDS
 from paretoik.review.drawing.axes import screen_text, unbroken_units
-from paretoik.review.palette import DRAWING, is_sliding
+from paretoik.review.palette import DRAWING
 from paretoik.review.recording.messages import LeastViolating, RecordedMotion, Workcell, joint_curves
 from paretoik.review.recording.recorder import Generation, Population, SearchedFront
 from paretoik.review.words import counted, named_unit, run_text, value_text
 from paretoik.search.maximin import dominates
-from paretoik.task.limits import JOINT_UNITS, limit_ranges
+from paretoik.task.limits import JOINT_UNITS, is_sliding, limit_ranges
 
 
 def broken_limits(cell: Workcell, motion: RecordedMotion) -> list[str]:

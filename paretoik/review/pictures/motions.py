@@ -12,11 +12,11 @@ from matplotlib.axes import Axes
 from paretoik.capability.directional import PerformancePolygon
 from paretoik.front.front import Front
 from paretoik.resolution.protocol import ResolvedMotion
-from paretoik.review.palette import PAPER, joint_units
+from paretoik.review.palette import PAPER
 from paretoik.review.pictures.fronts import arm_axes, draw_motions, label, label_arm, parts, picture, stroboscopic
 from paretoik.review.recording.messages import PathEnd, PlannedLevel
 from paretoik.robot.kinematics import link_nodes
-from paretoik.task.limits import JOINT_UNITS
+from paretoik.task.limits import JOINT_UNITS, joint_units
 from paretoik.task.task import error_unit
 from paretoik.trajectory.plan import Plan
 

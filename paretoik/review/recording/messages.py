@@ -18,12 +18,12 @@ from paretoik.front.choice import Choice
 from paretoik.front.front import Front
 from paretoik.front.preferences.knee_and_compromise import best_rows
 from paretoik.resolution.protocol import ResolvedMotion
-from paretoik.review.palette import DRAWING, even_rows, is_sliding, joint_units
+from paretoik.review.palette import DRAWING, even_rows
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.differences import Differences
-from paretoik.task.limits import JOINT_UNITS, LIMITED, Bounds, Limits
+from paretoik.task.limits import JOINT_UNITS, LIMITED, Bounds, Limits, is_sliding, joint_units
 from paretoik.task.motion import Motion
 from paretoik.task.obstacles import Obstacle, clearance
 
