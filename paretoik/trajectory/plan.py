@@ -184,8 +184,8 @@ def resolve_plan(
     given: number of samples that the user chose
 
     See ``on_more_samples``. All optima are minimised again on more samples, and keep their status if they do not
-    converge there. Those that leave the path between their samples are dropped; if the best one does, the plan stays
-    the same.
+    converge there. Those that leave the path between their samples are dropped; if the best one does, or none
+    converges, the plan stays the same.
     """
 
     def errors(found: tuple[MotionTask, Plan]) -> Float[np.ndarray, " inexact"]:
@@ -194,12 +194,14 @@ def resolve_plan(
         sizes = [(each.discretisation_error, abs(each.objective)) for each in inexact]
         return np.array([error / max(size, 1e-300) for error, size in sizes if error > rounding])
 
-    def refine(found: tuple[MotionTask, Plan]) -> tuple[MotionTask, Plan]:
+    def refine(found: tuple[MotionTask, Plan]) -> tuple[MotionTask, Plan] | None:
         former, plan = found
         finer, q = former.with_midpoints(), np.stack([each.motion.q for each in plan.optima])
         former.motion(q[:1]).at(finer.times)  # raises Infeasible if the best motion leaves the path
         starts = resample(former, q, finer)
         ends = minimise_from(motion_program(finer, objective_scales(finer, starts)), starts, np.ones(1), solver=solver)
+        if not ends.converged.any():
+            return None
         solutions = concatenate((_merge(finer, ends[ends.converged], ends[:0]), ends[~ends.converged]))
         if observe is not None:
             observe(level_progress(finer, starts, ends, solutions))

@@ -14,6 +14,7 @@ import pytest
 import paretoik as pk
 from paretoik.api.result import save_plan
 from paretoik.front.points import confirmation_text
+from paretoik.nlp.program import ITERATION_LIMIT
 from paretoik.stop_flag import STOP
 from paretoik.task.motion_task import SAMPLES, finer_motion
 
@@ -157,6 +158,20 @@ def test_a_value_that_stays_off_its_curve_stays_under_resolved(monkeypatch):
     monkeypatch.setattr(LEVELS, "SAMPLES", replace(SAMPLES, doublings=0))
     plan = pk.plan(problem, starts=3)
     assert "under-resolved" in {each.status for each in plan.optima}
+    assert "samples" not in plan.provenance
+
+
+def test_a_plan_stays_if_no_optimum_converges_on_more_samples(monkeypatch):
+    def fail(program, *rest, **settings):
+        ends = minimise_from(program, *rest, **settings)
+        return replace(ends, status=np.full(len(ends), ITERATION_LIMIT)) if len(program.task.times) > before else ends
+
+    planning = import_module("paretoik.trajectory.plan")
+    minimise_from, problem = planning.minimise_from, planar(5, [pk.peak_velocity])
+    before = len(problem.task.times)
+    monkeypatch.setattr(planning, "minimise_from", fail)
+    plan = pk.plan(problem, starts=3)
+    assert plan.best.motion.q.shape[0] == before
     assert "samples" not in plan.provenance
 
 
