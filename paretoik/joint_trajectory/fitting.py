@@ -205,7 +205,7 @@ def fit_motion(
         if use.exceeded and use.quantity not in ORDERS:
             advice = (
                 "slowing down does not help: plan with pk.Limits(position=...) inside the controller's, and refine: "
-                "certified motions satisfy them between samples too"
+                "certified motions with differences='spline' satisfy them between samples too"
             )
             raise _refusal(motion, controller, use, advice)
     if moving is None and not (uses and uses[0].exceeded):
