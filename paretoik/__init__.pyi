@@ -17,6 +17,7 @@ from .closed_loop.objectives import joint_displacement as joint_displacement
 from .closed_loop.objectives import position_error as position_error
 from .closed_loop.objectives import rotation_error as rotation_error
 from .closed_loop.objectives import step_objective as step_objective
+from .collision import obstacles as obstacles
 from .errors import Infeasible as Infeasible
 from .errors import InvalidInput as InvalidInput
 from .errors import ParetoikError as ParetoikError
@@ -49,7 +50,6 @@ from .robot.urdf import check_robot as check_robot
 from .search.ask_tell import Search as Search
 from .search.maximin import MaxiMin as MaxiMin
 from .search.nsga2 import MaxiMinNSGA2 as MaxiMinNSGA2
-from .task import obstacles as obstacles
 from .task.limits import Limits as Limits
 from .task.limits import constraint as constraint
 from .task.motion import Motion as Motion

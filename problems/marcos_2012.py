@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from paretoik import ClosedLoop, ControlStep, Path, Posture, arms, circle, obstacles
-from paretoik.task.obstacles import Obstacle
+from paretoik.collision.obstacles import Obstacle
 
 RATE = 7.0  # rad/s
 RADIUS = 0.5

@@ -13,6 +13,7 @@ import numpy as np
 
 from paretoik.api.result import motion_bytes
 from paretoik.api.session import RunRequest, Session, open_session
+from paretoik.collision.obstacles import Obstacle
 from paretoik.errors import Infeasible
 from paretoik.inputs import check_flag
 from paretoik.progress import Observer
@@ -24,7 +25,6 @@ from paretoik.robot.arm import Arm
 from paretoik.runs.files import DRAWING, MOTIONS, TRACES, array_bytes, write_result
 from paretoik.task.limits import Limits
 from paretoik.task.objectives import Objective
-from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task, error_unit
 

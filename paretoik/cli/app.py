@@ -182,6 +182,7 @@ def _solved_paths() -> Iterator[str]:
     from paretoik.api.plan import plan
     from paretoik.api.resolve import resolve
     from paretoik.api.solve import solve
+    from paretoik.collision.obstacles import Circle, Sphere
     from paretoik.formulations.tracking import Tracking
     from paretoik.resolution.methods import ConstrainedQP, PseudoInverse
     from paretoik.robot.arm import Arm
@@ -189,7 +190,6 @@ def _solved_paths() -> Iterator[str]:
     from paretoik.robot.pose import Pose
     from paretoik.task.limits import Limits
     from paretoik.task.objectives import kinetic_energy, torque_norm
-    from paretoik.task.obstacles import Circle, Sphere
     from paretoik.task.path import line
 
     planar, across = tringali_3r(), line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=11)

@@ -13,8 +13,8 @@ from paretoik.autodiff.interpreter import run_first
 from paretoik.closed_loop.programs import AXES, FIRST, KIND, POINT, RADIUS, SECOND, SEGMENT
 from paretoik.compilation.numba_cache import compiled
 
-# Distance of an arm's axes from obstacles, compiled. If positive, it is that of ``task/obstacles.py``, which takes up
-# to 3.4 times as long when it is traced. Loops over configurations have no branches, for vector instructions.
+# Distance of an arm's axes from obstacles, compiled. If positive, it is that of ``collision/obstacles.py``, which takes
+# up to 3.4 times as long when it is traced. Loops over configurations have no branches, for vector instructions.
 
 
 @compiled

@@ -11,11 +11,11 @@ from jaxtyping import Bool, Float
 
 from paretoik.arrays import Genes
 from paretoik.closed_loop.objectives import Step
+from paretoik.collision.obstacles import clearance
 from paretoik.errors import Infeasible
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.obstacles import clearance
 from paretoik.task.retraction import task_errors
 
 HISTORY = 3  # configurations before a step: enough for a jerk

@@ -15,9 +15,9 @@ from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import TracedArray
 from paretoik.closed_loop.control_step import HISTORY, OPTIONS, reach_by_joint, rotation_rows
 from paretoik.closed_loop.objectives import Step, StepObjective
+from paretoik.collision.obstacles import Box, Capsule, Circle, Obstacle, Sphere
 from paretoik.errors import InvalidInput
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere
 from paretoik.task.task import path_errors
 from paretoik.task.traced_motion import TracedMotion, trace_sample, trace_sample_function
 

@@ -21,6 +21,7 @@ from paretoik.closed_loop.objectives import StepObjective, joint_displacement, p
 from paretoik.closed_loop.open_loop import search_start
 from paretoik.closed_loop.programs import StepPrograms, trace_step
 from paretoik.closed_loop.step_evolution import Population, StepEvolution
+from paretoik.collision.obstacles import Obstacle
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.control_step import (
     ControlStep,
@@ -43,7 +44,6 @@ from paretoik.task.limits import Limits
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import AnyMotion, AnyValues, Objective, joint_drift, objective
-from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task
 from paretoik.task.validation import motion_task

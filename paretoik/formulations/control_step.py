@@ -19,6 +19,7 @@ from paretoik.arrays import Genes
 from paretoik.closed_loop.control_step import HISTORY, OPTIONS, describe_nearest_obstacle, excess_clearance
 from paretoik.closed_loop.loop import explain_no_step, reachable_share, state_before
 from paretoik.closed_loop.objectives import StepObjective, as_step_objective, joint_displacement, position_error
+from paretoik.collision.obstacles import Obstacle
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.formulation import Formulation, of_genes
 from paretoik.inputs import (
@@ -36,7 +37,6 @@ from paretoik.task.limits import LIMITED, Limits
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective, joint_travel
-from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task
 from paretoik.task.validation import motion_task

@@ -14,6 +14,7 @@ import numpy as np
 from paretoik.arrays import Genes
 from paretoik.closed_loop.control_step import rotation_rows
 from paretoik.closed_loop.open_loop import posture_bounds
+from paretoik.collision.obstacles import Obstacle
 from paretoik.errors import InvalidInput
 from paretoik.formulations.control_step import check_limits
 from paretoik.formulations.formulation import Formulation, check_motions, of_genes
@@ -25,7 +26,6 @@ from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import evaluate_motions, examine_functions
 from paretoik.task.objectives import Objective, joint_travel
-from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.retraction import task_errors
 from paretoik.task.task import Task

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.arrays import Genes, JointPaths, Objectives, Values
+from paretoik.collision.obstacles import Obstacle
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
 from paretoik.formulations.formulation import Formulation, check_motions, of_genes
@@ -36,7 +37,6 @@ from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, Limits
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, evaluate_motions, examine_functions
 from paretoik.task.objectives import Objective
-from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.random_starts import rollout_starts
 from paretoik.task.retraction import relative_errors, task_errors

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.arrays import Genes
+from paretoik.collision.obstacles import Obstacle
 from paretoik.errors import InvalidInput
 from paretoik.formulations.formulation import Formulation, of_genes
 from paretoik.inputs import (
@@ -34,7 +35,6 @@ from paretoik.robot.arm import Arm
 from paretoik.task.limits import Constraint
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective, jerk
-from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.random_starts import order_by_neighbour, reach_error, sample_postures, wrap_difference
 from paretoik.task.task import Task, error_unit

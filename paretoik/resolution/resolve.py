@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.collision.obstacles import Obstacle, clearance, closest_pair
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
 from paretoik.inputs import check_choice, check_seed, degrees_hint, finite_array, shown
 from paretoik.resolution.constrained import ConstrainedTraces
@@ -25,7 +26,6 @@ from paretoik.robot.kinematics import link_nodes
 from paretoik.task.limits import LIMIT_TOLERANCE, Limits
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import joint_travel
-from paretoik.task.obstacles import Obstacle, clearance, closest_pair
 from paretoik.task.path import Path
 from paretoik.task.random_starts import reach_error, sample_postures
 from paretoik.task.retraction import task_errors

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere
+from paretoik.collision.obstacles import Box, Capsule, Circle, Obstacle, Sphere
 
 # Places of labels: next to a mark or in a frame, and the marks that they cover; in any unit of length.
 

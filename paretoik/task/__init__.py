@@ -1,7 +1,1 @@
-"""Motion problems: paths, motions, objectives, limits, obstacles, and the task."""
-
-from __future__ import annotations
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submodules=["obstacles"])
+"""Motion problems: paths, motions, objectives, limits, and the task."""

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import JointPaths, Rotations, Series, read_only
+from paretoik.collision.obstacles import Obstacle, clearance
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.inputs import (
     check_choice,
@@ -39,7 +40,6 @@ from paretoik.task.differences import (
     with_midpoints,
 )
 from paretoik.task.joint_curve import JointState, interpolate, project_rates, target_rates
-from paretoik.task.obstacles import Obstacle, clearance
 from paretoik.task.path_shapes import CLOSURE_TOLERANCE
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
 from paretoik.task.task import Task, path_targets

@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from numpy.lib.stride_tricks import sliding_window_view
 
 from paretoik.arrays import JointPaths, Objectives, Times, read_only
+from paretoik.collision.obstacles import Obstacle, closest_pair
 from paretoik.errors import EvaluationFailed, Infeasible
 from paretoik.inputs import warn_of_odd_objectives
 from paretoik.robot.arm import Arm
@@ -28,7 +29,6 @@ from paretoik.task.differences import (
 from paretoik.task.limits import LIMIT_TOLERANCE, Bounds, Constraint, limit_ranges, relative_violation, usual_ranges
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective
-from paretoik.task.obstacles import Obstacle, closest_pair
 from paretoik.task.path import Path
 from paretoik.task.path_shapes import SmoothCurve
 from paretoik.task.task import Task, path_targets

@@ -20,6 +20,7 @@ from paretoik.autodiff.differentiation import dependencies
 from paretoik.autodiff.opcodes import PIECEWISE, Op
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import NotLocal, Trace, TracedArray
+from paretoik.collision.obstacles import Obstacle, distance_components
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.inputs import likely_spelling, limited_call, user_function
 from paretoik.robot.arm import Arm
@@ -29,7 +30,6 @@ from paretoik.robot.dynamics import energy_components, torque_components
 from paretoik.robot.kinematics import frame_components, jacobian_components, link_frames, node_components
 from paretoik.task.differences import Differences
 from paretoik.task.motion import Motion
-from paretoik.task.obstacles import Obstacle, distance_components
 from paretoik.task.task import Task, path_jacobian
 
 KINKS = PIECEWISE | {Op.ABSOLUTE}

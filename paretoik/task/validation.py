@@ -9,6 +9,7 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.collision.obstacles import Obstacle, signed_distance
 from paretoik.errors import InvalidInput
 from paretoik.inputs import (
     check_choice,
@@ -28,7 +29,6 @@ from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, Limits
 from paretoik.task.motion import check_link_radius, check_obstacles
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective, evaluate_function
-from paretoik.task.obstacles import Obstacle, signed_distance
 from paretoik.task.path import Path
 from paretoik.task.retraction import row_scales, task_errors
 from paretoik.task.task import Task, row_units

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import JointPaths
+from paretoik.collision.obstacles import clearance, closest_pair, signed_distance
 from paretoik.errors import Infeasible, InvalidInput, warn_user
 from paretoik.nlp.minimise import minimise_violation
 from paretoik.nlp.program import Solutions
@@ -20,7 +21,6 @@ from paretoik.task.joint_curve import target_rates
 from paretoik.task.limits import LIMIT_TOLERANCE, Bounds
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, evaluate_motions
-from paretoik.task.obstacles import clearance, closest_pair, signed_distance
 from paretoik.task.random_starts import sample_postures
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
 from paretoik.trajectory.levels import OPTIONS as LEVELS

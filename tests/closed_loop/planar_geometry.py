@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.task.obstacles import Circle
+from paretoik.collision.obstacles import Circle
 
 
 def joints_of(q):

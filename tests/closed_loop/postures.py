@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from paretoik.collision.obstacles import Circle
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.robot.arms import marcos_nr
-from paretoik.task.obstacles import Circle
 from paretoik.task.retraction import task_errors
 from problems import marcos_2012
 

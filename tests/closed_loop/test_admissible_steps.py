@@ -9,9 +9,9 @@ import paretoik as pk
 from paretoik.closed_loop.admissible_steps import clearance_at_start, evaluate_distances, find_inadmissible
 from paretoik.closed_loop.control_step import OPTIONS, excess_clearance
 from paretoik.closed_loop.programs import bounding_ball, tabulate, trace_nodes
+from paretoik.collision.obstacles import Box, Capsule, Circle, Sphere, clearance
 from paretoik.robot.kinematics import link_nodes
 from paretoik.robot.pose import Pose
-from paretoik.task.obstacles import Box, Capsule, Circle, Sphere, clearance
 from problems import marcos_2012
 from tests.closed_loop.postures import near_obstacle, posture
 

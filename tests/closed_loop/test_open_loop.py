@@ -6,10 +6,10 @@ from pymoo.optimize import minimize
 from scipy.stats import mannwhitneyu
 
 from paretoik.closed_loop.open_loop import OpenLoopOptions, search_start, trace_posture
+from paretoik.collision.obstacles import Box
 from paretoik.errors import Infeasible
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.robot.arms import marcos_nr
-from paretoik.task.obstacles import Box
 from problems import marcos_2012
 from tests.closed_loop.planar_geometry import joints_of, meets
 from tests.closed_loop.postures import posture

@@ -10,10 +10,10 @@ from pymoo.optimize import minimize
 
 import paretoik as pk
 from paretoik.closed_loop.objectives import Step, step_objective
+from paretoik.collision.obstacles import Circle
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.robot.arms import marcos_nr
-from paretoik.task.obstacles import Circle
 from problems import marcos_2012
 from tests.closed_loop.planar_geometry import meets
 from tests.closed_loop.postures import near_obstacle, posture

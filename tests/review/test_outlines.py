@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import paretoik as pk
+from paretoik.collision.obstacles import signed_distance
 from paretoik.review.outlines import outline, wires
-from paretoik.task.obstacles import signed_distance
 
 TURNED = pk.Pose.from_rpy([0.2, -0.1, 0.05], [0.3, -0.4, 0.9])
 FLAT = [

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from paretoik import Arm, Motion, Task, line
+from paretoik.collision.obstacles import Sphere
 from paretoik.errors import InvalidInput
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arms import tringali_3r
-from paretoik.task.obstacles import Sphere
 
 ARM = tringali_3r()
 SPATIAL = Arm.from_dh(

@@ -7,10 +7,10 @@ import pytest
 
 import paretoik as pk
 from paretoik import Limits, line
+from paretoik.collision.obstacles import Circle
 from paretoik.errors import EvaluationFailed
 from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.task.motion_task import divide, evaluate_motions, examine_functions, largest_between, require_values
-from paretoik.task.obstacles import Circle
 from paretoik.task.random_starts import rollout_starts
 from paretoik.trajectory.plan_starts import sample_starts
 from problems import panda

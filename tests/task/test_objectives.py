@@ -9,12 +9,12 @@ import pytest
 
 import paretoik as pk
 from paretoik import Arm, Motion, line
+from paretoik.collision.obstacles import Sphere
 from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.robot.dynamics import inertia_matrix, inverse_dynamics
 from paretoik.robot.kinematics import jacobian
 from paretoik.task import objectives
 from paretoik.task.objectives import Objective
-from paretoik.task.obstacles import Sphere
 
 LIMITED = Arm.planar(
     lengths=[0.3, 0.25, 0.2, 0.1],

@@ -10,9 +10,9 @@ import pytest
 
 import paretoik as pk
 from paretoik import Limits, Pose, circle, kinetic_energy, line, torque_norm
+from paretoik.collision.obstacles import Circle
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot.arms import tringali_3r
-from paretoik.task.obstacles import Circle
 from paretoik.task.random_starts import rollout_starts, sample_postures
 from paretoik.trajectory import grid_oracle as module
 from paretoik.trajectory.grid_oracle import grid_oracle

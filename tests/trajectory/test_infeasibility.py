@@ -10,9 +10,9 @@ import pytest
 from scipy.optimize import linprog
 
 import paretoik as pk
+from paretoik.collision.obstacles import clearance
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import link_nodes
-from paretoik.task.obstacles import clearance
 from paretoik.trajectory.infeasibility import no_posture_keeps_limits
 from problems import panda, tringali_2020
 from tests.api.problems import PATH

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import paretoik as pk
+from paretoik.collision.obstacles import signed_distance
 from paretoik.task.motion import Motion
-from paretoik.task.obstacles import signed_distance
 from paretoik.verification.measured_motion import quadrature, rates, rebuild, segment_distances
 
 MOTIONS = [

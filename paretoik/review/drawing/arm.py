@@ -13,13 +13,13 @@ import rerun.blueprint as rrb
 from jaxtyping import Float
 
 from paretoik.arrays import Vector3
+from paretoik.collision.obstacles import Capsule, Circle, Obstacle, Sphere
 from paretoik.review.drawing.axes import flat_lines, labels
 from paretoik.review.drawing.label_places import label_area, label_place
 from paretoik.review.drawing.space import ArmMeshes, Stage, find_meshes
 from paretoik.review.outlines import Polyline, outline
 from paretoik.review.palette import MARKS, SCENES, SCREEN, VIEWS
 from paretoik.review.recording.messages import Workcell, in_space
-from paretoik.task.obstacles import Capsule, Circle, Obstacle, Sphere
 
 # Obstacles: hatched outlines in the plane, bodies in space.
 

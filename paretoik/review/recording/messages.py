@@ -13,6 +13,7 @@ from jaxtyping import Float, Int, Shaped
 from paretoik.arrays import Times, Values
 from paretoik.capability.directional import PerformancePolygon
 from paretoik.capability.joint_capability import Quantity, joint_speeds, torque_capacity
+from paretoik.collision.obstacles import Obstacle, clearance
 from paretoik.formulations.protocol import task_of
 from paretoik.front.choice import Choice
 from paretoik.front.front import Front
@@ -25,7 +26,6 @@ from paretoik.robot.kinematics import link_nodes
 from paretoik.task.differences import Differences
 from paretoik.task.limits import JOINT_UNITS, LIMITED, Bounds, Limits, is_sliding, joint_units
 from paretoik.task.motion import Motion
-from paretoik.task.obstacles import Obstacle, clearance
 
 # The workcell: everything drawn around a problem's motions, as plain data for another process.
 

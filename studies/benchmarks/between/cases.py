@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 import paretoik as pk
+from paretoik.collision.obstacles import Obstacle
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach, SolverFailed
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import InteriorPointOptions
@@ -21,7 +22,6 @@ from paretoik.task.differences import Derivatives
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
-from paretoik.task.obstacles import Obstacle
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.transcription import motion_program
 from problems import panda

@@ -13,9 +13,9 @@ import numpy as np
 
 from paretoik import Arm, ClosedLoop, line, obstacles
 from paretoik.closed_loop.control_step import HISTORY, StepState
+from paretoik.collision.obstacles import Obstacle
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot.kinematics import forward_kinematics
-from paretoik.task.obstacles import Obstacle
 from studies.marcos_2012.exact_loop import OPTIONS, exact_step
 from studies.reporting import Row, goal_row, report, study_parser, tell
 

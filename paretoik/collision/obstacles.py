@@ -135,7 +135,7 @@ def clearance(
     It is the signed distance of the links' axes minus the radius, which is exact if it is positive. Raises InvalidInput
     for no obstacles.
 
-    >>> from paretoik.task.obstacles import Circle
+    >>> from paretoik.collision.obstacles import Circle
     >>> elbow = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.5, 0.0]])
     >>> float(clearance([Circle([0.2, 0.3], 0.1)], elbow, radius=0.05).round(12))
     0.15
@@ -162,7 +162,7 @@ def signed_distance(
 
     The distance to the surface is negative inside. Closed forms, exact up to rounding; NaN gives NaN.
 
-    >>> from paretoik.task.obstacles import Box
+    >>> from paretoik.collision.obstacles import Box
     >>> box = Box([0.0, 0.0, 0.0], half_sizes=[0.1, 0.2, 0.3])
     >>> signed_distance(box, np.array([[1.0, 0, 0], [0.1, 0, 0.0]]), np.array([[0.5, 0, 0], [0.02, 0, 0]])).round(12)
     array([ 0.4 , -0.08])

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from paretoik.collision.obstacles import Box, Capsule, Circle, Sphere, clearance, signed_distance
 from paretoik.errors import InvalidInput
 from paretoik.robot.pose import Pose
-from paretoik.task.obstacles import Box, Capsule, Circle, Sphere, clearance, signed_distance
 
 
 @pytest.mark.parametrize(
