@@ -15,6 +15,7 @@ from types import FrameType
 from typing import Any
 
 import paretoik as pk
+from paretoik.task.objectives import Objective
 from studies.benchmarks.checkouts import ROOT
 from studies.reporting import Row, report, study_parser
 
@@ -53,7 +54,7 @@ def walk(work: Callable[[], Any], first: tuple[str, str], last: tuple[str, str])
     return found
 
 
-def problem(*objectives: pk.Objective) -> pk.Tracking:
+def problem(*objectives: Objective) -> pk.Tracking:
     """Return a new problem: nothing of it is cached."""
     path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=11)
     return pk.Tracking(pk.arms.tringali_3r(), path, objectives=objectives or [pk.kinetic_energy, pk.torque_norm])
