@@ -321,10 +321,12 @@ class Tracking(Formulation, Differentiable):
 
     def exceeded(self, individuals: Individuals) -> list[str]:
         """Return as text the limits that splines of individuals exceed between samples."""
-        exceeds = ~(individuals.violation_between <= LIMIT_TOLERANCE) & self.tightens
-        return [
-            self.task.describe_between(individuals.motions[i : i + 1]) if each else "" for i, each in enumerate(exceeds)
-        ]
+        words = [""] * len(individuals.x)
+        for i in np.flatnonzero(~(individuals.violation_between <= LIMIT_TOLERANCE) & self.tightens).tolist():
+            bound = individuals.violation_between[i]
+            narrow = f"between samples: a limit is exceeded by up to {bound:.2g} of its range; more samples help"
+            words[i] = self.task.describe_between(individuals.motions[i : i + 1]) or narrow
+        return words
 
     @property
     def tightens(self) -> bool:

@@ -198,6 +198,7 @@ def _tightened_bounds(
     task, bounds, elastic = program.task, before.copy(), program.elastic
     curve = finer_motion(task.motion(x), OPTIONS.steps)
     half = OPTIONS.steps // task.stride
+    pieces = np.arange(len(curve.time) - 1)[:: OPTIONS.steps, None] + np.arange(OPTIONS.steps + 1)
     row, instant = program.limited[:elastic].T
     rates = row < program.rates  # prismatic joints are in arm lengths in these rows
     units = np.where(rates, joint_scales(task.arm)[row % task.arm.dof], 1.0)
@@ -207,13 +208,14 @@ def _tightened_bounds(
     for name in dict.fromkeys(names.tolist()):
         for side, excess in zip((1.0, -1.0), _excess(task, name, curve), strict=True):
             chosen = np.flatnonzero((names == name) & (sides == side))
-            # values, each replaced by the peak of the parabola through it and its neighbours if this is between them
+            # values, each replaced by the peak of the parabola through it and its neighbours if this is between them;
+            # no parabola goes over a sample, at which the curve's derivatives may jump
+            part = excess[pieces]
             with np.errstate(invalid="ignore"):  # −inf is no limit
-                slope, bend = np.diff(excess), np.diff(excess, 2)
+                rise, bend = part[:, 2:] - part[:, :-2], np.diff(part, 2, axis=1)
+            top = (bend < 0) & (np.abs(rise) <= -2.0 * bend)
             peaks = excess.copy()
-            inner = peaks[1:-1]
-            top = (slope[:-1] >= 0) & (slope[1:] <= 0) & (bend < 0)
-            inner[top] -= (slope[:-1] + slope[1:])[top] ** 2 / (8 * bend[top])
+            peaks[pieces[:, 1:-1][top]] -= rise[top] ** 2 / (8.0 * bend[top])
             padded = np.pad(peaks, (half, 2 * half), constant_values=-np.inf)
             windows = sliding_window_view(padded, 2 * half + 1)[::half][instant[chosen] + after[chosen]]
             around, near = (

@@ -27,6 +27,32 @@ def test_a_plan_keeps_its_limits_between_samples():
         assert np.abs(values).max() <= limit * (1 + 1e-9)
 
 
+def narrowly_exceeding():
+    """Yield problems and motions that exceed a velocity limit only between the points of the usual finer grid."""
+    best = pk.plan(problem(pk.kinetic_energy), starts=4).best.motion
+    task = problem(pk.kinetic_energy).task
+    coarse, fine = (np.abs(finer_motion(task.motion(best.q), *steps).dq) for steps in ((), (1600,)))
+    for joint in range(3):
+        limit = np.full(3, np.inf)
+        limit[joint] = 0.5 * (coarse[:, joint].max() + fine[:, joint].max())
+        if coarse[:, joint].max() < limit[joint] * (1 - 1e-8):
+            limits = pk.Limits(velocity=limit)
+            yield pk.Tracking(task.arm, tringali_2020.straight(26), objectives=[pk.kinetic_energy], limits=limits), best
+
+
+def test_a_limit_exceeded_between_the_points_of_a_grid_is_seen_and_tightened():
+    count = 0
+    for narrow, motion in narrowly_exceeding():
+        individuals = narrow.individuals(motion.q[None])
+        assert individuals.violation_between[0] > 1e-9
+        (words,) = narrow.exceeded(individuals)
+        assert words.startswith("between samples: a limit is exceeded by up to")
+        held = hold_between(narrow.program(np.ones(1)), motion.q, 1)
+        assert held.violation <= 1e-9
+        count += 1
+    assert count > 0
+
+
 @pytest.fixture(scope="module")
 def front():
     return pk.epsilon_front(problem(pk.kinetic_energy, pk.torque_norm), points=3, starts=4)
