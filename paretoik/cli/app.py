@@ -184,12 +184,13 @@ def _solved_paths() -> Iterator[str]:
     from paretoik.api.solve import solve
     from paretoik.collision.obstacles import Circle, Sphere
     from paretoik.formulations.tracking import Tracking
-    from paretoik.resolution.methods import ConstrainedQP, PseudoInverse
+    from paretoik.formulations.tuning import Tuning
+    from paretoik.resolution import methods
     from paretoik.robot.arm import Arm
     from paretoik.robot.arms import tringali_3r
     from paretoik.robot.pose import Pose
     from paretoik.task.limits import Limits
-    from paretoik.task.objectives import kinetic_energy, torque_norm
+    from paretoik.task.objectives import joint_limit_nearness, kinetic_energy, torque_norm
     from paretoik.task.path import line
 
     planar, across = tringali_3r(), line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=11)
@@ -202,9 +203,12 @@ def _solved_paths() -> Iterator[str]:
     front.navigate(int(front.ids[0]), improve="torque_norm", allow="kinetic_energy")
     yield "epsilon_front, navigate"
 
-    for method in (PseudoInverse(), ConstrainedQP()):
+    projected = methods.GradientProjection(criteria=[joint_limit_nearness])
+    followers = methods.WeightedLeastNorm(), methods.ConstrainedQP(), methods.PredictiveKineticEnergy()
+    for method in (methods.PseudoInverse(), projected, *followers, methods.Nedungadi()):
         resolve(planar, across, method, start=[0.0, 0.327, -0.754], unreachable="track", observe=False)
-    yield "resolve"
+    solve(Tuning(planar, across, projected, judged_starts=2, tolerance=None), **FEW)
+    yield "resolve, Tuning"
 
     spatial = Arm.from_dh(
         a=[0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088],
