@@ -190,7 +190,7 @@ def _solved_paths() -> Iterator[str]:
     from paretoik.robot.arms import tringali_3r
     from paretoik.robot.pose import Pose
     from paretoik.task.limits import Limits
-    from paretoik.task.objectives import joint_limit_nearness, kinetic_energy, torque_norm
+    from paretoik.task.objectives import kinetic_energy, manipulability, torque_norm
     from paretoik.task.path import line
 
     planar, across = tringali_3r(), line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=11)
@@ -203,9 +203,9 @@ def _solved_paths() -> Iterator[str]:
     front.navigate(int(front.ids[0]), improve="torque_norm", allow="kinetic_energy")
     yield "epsilon_front, navigate"
 
-    projected = methods.GradientProjection(criteria=[joint_limit_nearness])
+    projected = methods.GradientProjection(criteria=[manipulability])
     followers = methods.WeightedLeastNorm(), methods.ConstrainedQP(), methods.PredictiveKineticEnergy()
-    for method in (methods.PseudoInverse(), projected, *followers, methods.Nedungadi()):
+    for method in (methods.PseudoInverse(), projected, *followers):
         resolve(planar, across, method, start=[0.0, 0.327, -0.754], unreachable="track", observe=False)
     solve(Tuning(planar, across, projected, judged_starts=2, tolerance=None), **FEW)
     yield "resolve, Tuning"
