@@ -449,7 +449,9 @@ def follow_predictively(
         ]
         secondary = (np.stack(desired) - q[:, k]) / dt
         outputs = (traces[name] for name in ("velocities", "repulsion", "projected", "status"))
-        kernels.step(k, dt, np.ascontiguousarray(jacobian.T), task_velocity, secondary, q, *outputs)
+        kernels.step(
+            k, dt, np.ascontiguousarray(jacobian.T), np.ascontiguousarray(task_velocity), secondary, q, *outputs
+        )
     # traces of updates, of all motions padded to the same number
     updates, horizon = max(len(each.updates) for each in predictors), max(each.horizon for each in plans)
     padding = {"updates": -1, "values": np.nan, "converged": False, "iterations": -1, "seconds": np.nan}
