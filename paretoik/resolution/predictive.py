@@ -439,7 +439,7 @@ def follow_predictively(
         traces["errors"][:, k] = error.T
         if k == len(times) - 1:
             break
-        task_velocity = (travel / dt + feedback * error).T
+        task_velocity = np.ascontiguousarray((travel / dt + feedback * error).T)
         dq = traces["velocities"][:, k - 1] if k else np.zeros((count, dof))
         ddq = (dq - (traces["velocities"][:, k - 2] if k > 1 else 0.0)) / dt if k else np.zeros((count, dof))
         is_off_path = np.abs(error).max(axis=0) > tolerance
