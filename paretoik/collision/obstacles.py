@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import reduce
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -12,15 +12,20 @@ from jaxtyping import Float
 
 from paretoik.arrays import Vector3
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, check_magnitude, finite_array, positive_number
+from paretoik.inputs import ArrayLike, check_magnitude, check_text, finite_array, positive_number, shown
 from paretoik.robot.pose import Pose, check_pose, freeze
 from paretoik.tables import represented
 
-__all__ = ["Box", "Capsule", "Circle", "Obstacle", "Sphere"]
+__all__ = ["Box", "Capsule", "Circle", "HalfSpace", "Obstacle", "Sphere"]
 
 
 def __dir__() -> list[str]:
     return __all__
+
+
+def _name() -> Any:
+    """Return the field of a name. Names change no motion, and the fingerprint of a problem leaves them out."""
+    return field(default="", metadata={"fingerprint": False})
 
 
 @represented
@@ -30,13 +35,16 @@ class Circle:
 
     center: coordinates (2,) [m]
     radius: radius [m]
+    name: name in messages; "obstacle 1" for the first of a problem without one, and so on
     """
 
     center: Float[np.ndarray, " 2"]
     radius: float
+    name: str = _name()
 
-    def __init__(self, center: ArrayLike, radius: float) -> None:
-        freeze(self, center=_point("circle center", center, 2), radius=positive_number("circle radius", radius, "m"))
+    def __init__(self, center: ArrayLike, radius: float, *, name: str = "") -> None:
+        size = positive_number("circle radius", radius, "m")
+        freeze(self, center=_point("circle center", center, 2), radius=size, name=_text("circle name", name))
 
 
 @represented
@@ -46,13 +54,16 @@ class Sphere:
 
     center: coordinates (3,) [m]
     radius: radius [m]
+    name: name in messages, as of ``Circle``
     """
 
     center: Vector3
     radius: float
+    name: str = _name()
 
-    def __init__(self, center: ArrayLike, radius: float) -> None:
-        freeze(self, center=_point("sphere center", center, 3), radius=positive_number("sphere radius", radius, "m"))
+    def __init__(self, center: ArrayLike, radius: float, *, name: str = "") -> None:
+        size = positive_number("sphere radius", radius, "m")
+        freeze(self, center=_point("sphere center", center, 3), radius=size, name=_text("sphere name", name))
 
 
 @represented
@@ -62,15 +73,18 @@ class Capsule:
 
     start, end: ends of the segment (3,) [m], which may be one point
     radius: radius [m]
+    name: name in messages, as of ``Circle``
     """
 
     start: Vector3
     end: Vector3
     radius: float
+    name: str = _name()
 
-    def __init__(self, start: ArrayLike, end: ArrayLike, radius: float) -> None:
+    def __init__(self, start: ArrayLike, end: ArrayLike, radius: float, *, name: str = "") -> None:
         ends = {"start": _point("capsule start", start, 3), "end": _point("capsule end", end, 3)}
-        freeze(self, **ends, radius=positive_number("capsule radius", radius, "m"))
+        size = positive_number("capsule radius", radius, "m")
+        freeze(self, **ends, radius=size, name=_text("capsule name", name))
 
 
 @represented
@@ -80,14 +94,16 @@ class Box:
 
     center: point, or pose if rotated; for a rectangle a 2-D point or a pose (``Pose.planar``)
     half_sizes: half lengths along its own axes [m], three of a box, two of a rectangle
+    name: name in messages, as of ``Circle``
 
     In space a rectangle is an infinite beam along its own z. Raises InvalidInput for other shapes.
     """
 
     pose: Pose
     half_sizes: Float[np.ndarray, " axes"]
+    name: str = _name()
 
-    def __init__(self, center: Pose | ArrayLike, half_sizes: ArrayLike) -> None:
+    def __init__(self, center: Pose | ArrayLike, half_sizes: ArrayLike, *, name: str = "") -> None:
         sizes = finite_array("box half_sizes", half_sizes)
         if sizes.shape not in ((2,), (3,)):
             raise InvalidInput(f"box half_sizes: must be 2 or 3 numbers, got shape {sizes.shape}")
@@ -97,10 +113,37 @@ class Box:
             point = _point("box center", center, len(sizes))
             center = Pose(np.pad(point, (0, 3 - len(point))))
         check_pose("box center", center)
-        freeze(self, pose=center, half_sizes=sizes)
+        freeze(self, pose=center, half_sizes=sizes, name=_text("box name", name))
 
 
 Obstacle: TypeAlias = Circle | Sphere | Capsule | Box
+
+
+def obstacle_name(obstacles: Sequence[Obstacle], index: int) -> str:
+    """Return an obstacle's name, or "obstacle 1" for the first one if it has none."""
+    return obstacles[index].name or f"obstacle {index + 1}"
+
+
+def describe_obstacle(obstacles: Sequence[Obstacle], index: int) -> str:
+    """Return an obstacle's name and shape in words: "obstacle 2, a circle" or "the obstacle table, a box"."""
+    given = "the obstacle " * bool(obstacles[index].name)
+    shape = type(obstacles[index]).__name__.lower()
+    return f"{given}{obstacle_name(obstacles, index)}, a {shape}"
+
+
+def check_names(obstacles: Sequence[Obstacle]) -> None:
+    """Raise InvalidInput if two obstacles have the same name."""
+    names = [obstacle_name(obstacles, index) for index in range(len(obstacles))]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InvalidInput(f"obstacles: names must differ, got {names.count(twice)} obstacles named {twice}")
+
+
+def _text(name: str, text: str) -> str:
+    check_text(name, text)
+    if text != text.strip():
+        raise InvalidInput(f"{name} must not begin or end with a space, got {shown(text)}")
+    return text
 
 
 def _point(name: str, coordinates: ArrayLike, size: int) -> Float[np.ndarray, " size"]:
@@ -147,12 +190,11 @@ def clearance(
 
 
 def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 3"], radius: float = 0.0) -> str:
-    """Return in words the nearest pair of a link and an obstacle, both counted from 1."""
+    """Return in words the nearest pair of a link and an obstacle."""
     starts, ends = nodes[:-1], nodes[1:]
     distances = np.stack([signed_distance(obstacle, starts, ends) for obstacle in obstacles]) - radius
     obstacle, link = np.unravel_index(int(np.argmin(distances)), distances.shape)
-    shape = type(obstacles[int(obstacle)]).__name__.lower()
-    return f"{f'link {link}' if link else 'the base'} and obstacle {int(obstacle) + 1}, a {shape}"
+    return f"{f'link {link}' if link else 'the base'} and {describe_obstacle(obstacles, int(obstacle))}"
 
 
 def signed_distance(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Any, TypeVar
@@ -49,10 +48,17 @@ def task_rows(task: MotionTask) -> list[tuple[str, str]]:
         ("limits", "; ".join([*limits, *names]) or "none"),
     ]
     if task.obstacles:
-        kinds = Counter(type(obstacle).__name__ for obstacle in task.obstacles)
-        shapes = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+        kinds = dict[str, list[str]]()  # names by shape, "" for an obstacle without one
+        for obstacle in task.obstacles:
+            kinds.setdefault(type(obstacle).__name__, []).append(obstacle.name)
+        shapes = ", ".join(f"{len(names)} {kind}{_in_brackets(names)}" for kind, names in kinds.items())
         rows.append(("obstacles", f"{shapes}; links of radius {task.link_radius:g} m"))
     return rows
+
+
+def _in_brackets(names: Sequence[str]) -> str:
+    given = [name for name in names if name]
+    return f" ({', '.join(given)})" if given else ""
 
 
 def _bounds_text(bounds: Bounds, unit: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import JointPaths, Rotations, Series, read_only
-from paretoik.collision.obstacles import Obstacle, clearance
+from paretoik.collision.obstacles import Obstacle, check_names, clearance
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.inputs import (
     check_choice,
@@ -69,8 +69,8 @@ def checked_samples(arm: Arm, q: object, time: object) -> tuple[JointPaths, np.n
 
 
 def check_obstacles(obstacles: object) -> None:
-    """Raise InvalidInput unless the argument is a list of obstacles."""
-    read_list("obstacles", obstacles, Obstacle, "a list of obstacles")
+    """Raise InvalidInput unless the argument is a list of obstacles with different names."""
+    check_names(read_list("obstacles", obstacles, Obstacle, "a list of obstacles"))
 
 
 def check_link_radius(radius: object) -> None:

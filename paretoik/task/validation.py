@@ -9,7 +9,7 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.collision.obstacles import Obstacle, signed_distance
+from paretoik.collision.obstacles import Obstacle, describe_obstacle, signed_distance
 from paretoik.errors import InvalidInput
 from paretoik.inputs import (
     check_choice,
@@ -177,12 +177,12 @@ def _check_immovable_links(task: MotionTask) -> None:
     still = np.linalg.norm(np.ptp(nodes, axis=0), axis=1) <= LIMIT_TOLERANCE * characteristic_length(task.arm)
     smallest = min(task.min_clearance, 0.0) - LIMIT_TOLERANCE * task.clearance_range
     for link in np.flatnonzero(still[:-1] & still[1:]).tolist():
-        for number, obstacle in enumerate(task.obstacles, start=1):
+        for number, obstacle in enumerate(task.obstacles):
             distance = float(signed_distance(obstacle, nodes[0, link], nodes[0, link + 1])) - task.link_radius
             if distance < smallest:
                 part = f"link {link}, which no joint moves" if link else "the base, which does not move"
                 raise InvalidInput(
-                    f"obstacles: obstacle {number}, a {type(obstacle).__name__.lower()}, must be clear of {part}, got "
+                    f"obstacles: {describe_obstacle(task.obstacles, number)}, must be clear of {part}, got "
                     f"one that reaches {-distance:.3g} m into it (links have a radius of {task.link_radius:g} m): no "
                     "motion can keep clear of it"
                 )

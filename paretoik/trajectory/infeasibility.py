@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import JointPaths
-from paretoik.collision.obstacles import clearance, closest_pair, signed_distance
+from paretoik.collision.obstacles import clearance, closest_pair, describe_obstacle, signed_distance
 from paretoik.errors import Infeasible, InvalidInput, warn_user
 from paretoik.nlp.minimise import minimise_violation
 from paretoik.nlp.program import Solutions
@@ -50,10 +50,9 @@ def warn_of_obstructed_path(task: MotionTask) -> None:
         if task.min_clearance - distance <= LIMIT_TOLERANCE * task.clearance_range:
             continue
         count = int((distances[obstacle] < task.min_clearance).sum())
-        shape = type(task.obstacles[int(obstacle)]).__name__.lower()
         where = f"reaches {-distance:.3g} m into it" if distance < 0 else f"is {distance:.3g} m away from it"
         warn_user(
-            f"path: obstacle {obstacle + 1} ({shape}) is in its way: at sample {sample} "
+            f"path: {describe_obstacle(task.obstacles, int(obstacle))}, is in its way: at sample {sample} "
             f"({task.times[sample]:.4g} s, the worst of {count}) the end of link {task.arm.dof} "
             f"(radius {task.link_radius:g} m) {where}, but the clearance must be {task.min_clearance:g} m; "
             "no motion along the path is feasible"

@@ -200,8 +200,9 @@ def nearest_pair(obstacles: Sequence[Any], nodes: np.ndarray) -> str:
     distances = pair_distances(obstacles, nodes[None])[0]
     link, number = np.unravel_index(int(distances.argmin()), distances.shape)
     obstacle = obstacles[int(number)]
-    name = getattr(obstacle, "name", "") or f"obstacle {number + 1}, a {type(obstacle).__name__.lower()}"
-    return f"{f'link {link}' if link else 'the base'} and {name}"
+    name, shape = getattr(obstacle, "name", ""), type(obstacle).__name__.lower()
+    name = f"the obstacle {name}" if name else f"obstacle {number + 1}"
+    return f"{f'link {link}' if link else 'the base'} and {name}, a {shape}"
 
 
 def clearances(obstacles: Sequence[Any], nodes: np.ndarray, radius: float) -> np.ndarray:
