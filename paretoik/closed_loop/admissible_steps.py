@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.autodiff.interpreter import run_first
-from paretoik.closed_loop.programs import AXES, FIRST, KIND, POINT, RADIUS, SECOND, SEGMENT
+from paretoik.closed_loop.programs import AXES, FIRST, KIND, PLANE, POINT, RADIUS, SECOND, SEGMENT
 from paretoik.compilation.numba_cache import compiled
 
 # Distance of an arm's axes from obstacles, compiled. If positive, it is that of ``collision/obstacles.py``, which takes
@@ -42,8 +42,23 @@ def evaluate_distances(obstacles, nodes, count, distances):
                     distances[k] = distance if distance < distances[k] else distances[k]
             elif obstacle[KIND] == SEGMENT:
                 _to_segment(obstacle, nodes, row, count, distances)
+            elif obstacle[KIND] == PLANE:
+                _to_plane(obstacle, nodes, row, count, distances)
             else:
                 _to_box(obstacle, nodes, row, count, distances)
+
+
+@compiled
+def _to_plane(plane, nodes, row, count, distances):
+    """Write the distance from a half-space, that of the nearer end."""
+    px, py, pz = plane[FIRST], plane[FIRST + 1], plane[FIRST + 2]
+    nx, ny, nz = plane[AXES], plane[AXES + 1], plane[AXES + 2]
+    x0, y0, z0, x1, y1, z1 = nodes[row], nodes[row + 1], nodes[row + 2], nodes[row + 3], nodes[row + 4], nodes[row + 5]
+    for k in range(count):
+        first = (x0[k] - px) * nx + (y0[k] - py) * ny + (z0[k] - pz) * nz
+        last = (x1[k] - px) * nx + (y1[k] - py) * ny + (z1[k] - pz) * nz
+        distance = first if first < last else last
+        distances[k] = distance if distance < distances[k] else distances[k]
 
 
 @compiled

@@ -116,7 +116,40 @@ class Box:
         freeze(self, pose=center, half_sizes=sizes, name=_text("box name", name))
 
 
-Obstacle: TypeAlias = Circle | Sphere | Capsule | Box
+@represented
+@dataclass(frozen=True, init=False, eq=False)
+class HalfSpace:
+    """All points behind a plane, such as a table or a wall.
+
+    point: any point of the plane [m], (3,) or, for a vertical plane through a line in the xy-plane, (2,)
+    normal: direction out of the half-space, as long as ``point``; normalised
+    name: name in messages, as of ``Circle``
+
+    The distance of a link is the smaller one of its two ends. Raises InvalidInput for other shapes and a zero normal.
+
+    >>> table = HalfSpace([0.0, 0.0, -0.02], normal=[0.0, 0.0, 1.0], name="table")
+    """
+
+    point: Float[np.ndarray, " axes"]
+    normal: Float[np.ndarray, " axes"]
+    name: str = _name()
+
+    def __init__(self, point: ArrayLike, normal: ArrayLike, *, name: str = "") -> None:
+        place = finite_array("half-space point", point)
+        if place.shape not in ((2,), (3,)):
+            raise InvalidInput(f"half-space point: must be 2 or 3 numbers, got shape {place.shape}")
+        check_magnitude("half-space point", place, "m")
+        direction = finite_array("half-space normal", normal, shape=place.shape)
+        largest = float(np.abs(direction).max())
+        if largest == 0:
+            raise InvalidInput("half-space normal: must not be zero, got only zeros")
+        direction = direction / largest  # squares of very large or small numbers are not finite or zero
+        direction = direction / np.linalg.norm(direction)
+        freeze(self, point=place, normal=direction, name=_text("half-space name", name))
+
+
+Obstacle: TypeAlias = Circle | Sphere | Capsule | Box | HalfSpace
+SHAPES = {Circle: "circle", Sphere: "sphere", Capsule: "capsule", Box: "box", HalfSpace: "half-space"}
 
 
 def obstacle_name(obstacles: Sequence[Obstacle], index: int) -> str:
@@ -127,8 +160,7 @@ def obstacle_name(obstacles: Sequence[Obstacle], index: int) -> str:
 def describe_obstacle(obstacles: Sequence[Obstacle], index: int) -> str:
     """Return an obstacle's name and shape in words: "obstacle 2, a circle" or "the obstacle table, a box"."""
     given = "the obstacle " * bool(obstacles[index].name)
-    shape = type(obstacles[index]).__name__.lower()
-    return f"{given}{obstacle_name(obstacles, index)}, a {shape}"
+    return f"{given}{obstacle_name(obstacles, index)}, a {SHAPES[type(obstacles[index])]}"
 
 
 def check_names(obstacles: Sequence[Obstacle]) -> None:
@@ -221,6 +253,10 @@ def distance_components(obstacle: Obstacle, start: Components, end: Components) 
         axes = [_components(axis[None]) for axis in obstacle.pose.rotation.T[: len(obstacle.half_sizes)]]
         first, last = ([_dot(axis, _minus(points, position)) for axis in axes] for points in (start, end))
         return _segment_to_box(first, last, obstacle.half_sizes)
+    if isinstance(obstacle, HalfSpace):
+        point, normal = (_components(each[None]) for each in (obstacle.point, obstacle.normal))
+        heights = [_dot(_minus(end[: len(point)], point), normal) for end in (start, end)]
+        return np.minimum(*heights)  # exact: the distance from a plane is linear along a segment
     if isinstance(obstacle, Capsule):
         axis = _components(obstacle.start[None]), _components(obstacle.end[None])
         return _between_segments(start, end, *axis) - obstacle.radius

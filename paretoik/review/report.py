@@ -131,7 +131,7 @@ class ReportMotions:
         nodes, directions = self._nodes, getattr(self.front.problem, "directions", None)
         planar, flat = motions.arm.is_planar, nodes.reshape(-1, nodes.shape[-1])
         height = None if planar else (float(flat[:, -1].min()), float(flat[:, -1].max()))
-        lines = obstacle_lines(motions.obstacles, height)
+        lines = obstacle_lines(motions.obstacles, height, flat)
         paths = [np.asarray(each.path.positions)[:, : nodes.shape[-1]] for each in motions.tasks]
         shown = np.concatenate([flat, *lines, *paths])
         described["arm"] = {

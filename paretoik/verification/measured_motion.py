@@ -150,6 +150,9 @@ def _central(values: np.ndarray, time: np.ndarray, order: int, *, cyclic: bool) 
 # minimum.
 
 
+SHAPES = {"Circle": "circle", "Sphere": "sphere", "Capsule": "capsule", "Box": "box", "HalfSpace": "half-space"}
+
+
 def point_distances(obstacle: Any, points: np.ndarray) -> np.ndarray:
     """Return signed distances [m] of points (..., 3) from an obstacle, negative inside."""
     kind = type(obstacle).__name__
@@ -167,6 +170,9 @@ def point_distances(obstacle: Any, points: np.ndarray) -> np.ndarray:
         excess = np.abs(local[..., : len(obstacle.half_sizes)]) - obstacle.half_sizes
         outside = np.linalg.norm(np.maximum(excess, 0.0), axis=-1)
         return outside + np.minimum(excess.max(axis=-1), 0.0)
+    if kind == "HalfSpace":
+        offset = float(np.dot(obstacle.normal, obstacle.point))
+        return points[..., : len(obstacle.normal)] @ obstacle.normal - offset
     raise TypeError(f"an obstacle of a kind that the verifier does not know: {kind}")
 
 
@@ -200,7 +206,7 @@ def nearest_pair(obstacles: Sequence[Any], nodes: np.ndarray) -> str:
     distances = pair_distances(obstacles, nodes[None])[0]
     link, number = np.unravel_index(int(distances.argmin()), distances.shape)
     obstacle = obstacles[int(number)]
-    name, shape = getattr(obstacle, "name", ""), type(obstacle).__name__.lower()
+    name, shape = getattr(obstacle, "name", ""), SHAPES[type(obstacle).__name__]
     name = f"the obstacle {name}" if name else f"obstacle {number + 1}"
     return f"{f'link {link}' if link else 'the base'} and {name}, a {shape}"
 

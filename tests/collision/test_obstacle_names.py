@@ -109,6 +109,4 @@ def test_an_obstacle_at_the_base_is_refused_by_name():
 def test_a_start_of_a_loop_in_an_obstacle_is_refused_by_name():
     disc = Circle([1.2, 0.5], 1.0, name="post")
     with pytest.raises(InvalidInput, match="too near the obstacle post, a circle"):
-        pk.ClosedLoop(
-            pk.arms.marcos_nr(3), marcos_2012.round_trip(0.7, 4), start=posture(3), obstacles=[disc]
-        )
+        pk.ClosedLoop(pk.arms.marcos_nr(3), marcos_2012.round_trip(0.7, 4), start=posture(3), obstacles=[disc])

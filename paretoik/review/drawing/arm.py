@@ -13,34 +13,23 @@ import rerun.blueprint as rrb
 from jaxtyping import Float
 
 from paretoik.arrays import Vector3
-from paretoik.collision.obstacles import Capsule, Circle, Obstacle, Sphere
+from paretoik.collision.obstacles import Capsule, Circle, HalfSpace, Obstacle, Sphere
 from paretoik.review.drawing.axes import flat_lines, labels
 from paretoik.review.drawing.label_places import label_area, label_place
 from paretoik.review.drawing.space import ArmMeshes, Stage, find_meshes
-from paretoik.review.outlines import Polyline, outline
+from paretoik.review.outlines import SLAB, Polyline, feet, hatch, outline, plane_frame, plane_of, plane_polygon
 from paretoik.review.palette import MARKS, SCENES, SCREEN, VIEWS
 from paretoik.review.recording.messages import Workcell, in_space
+from paretoik.robot.pose import matrix_to_quaternion
 
 # Obstacles: hatched outlines in the plane, bodies in space.
 
 
-def hatch(corners: Polyline, *, gap: float) -> list[Float[np.ndarray, "2 2"]]:
-    """Return lines at 45 degrees, a ``gap`` apart, across the inside of a closed convex outline (corners, 2)."""
-    across, along = np.array([1.0, 1.0]) / np.sqrt(2), np.array([1.0, -1.0]) / np.sqrt(2)
-    start, end = corners[:-1], corners[1:]
-    first, last = start @ across, end @ across
-    lines = []
-    for level in np.arange(first.min() + 0.5 * gap, first.max(), gap):
-        crossed = (first <= level) != (last <= level)
-        share = ((level - first[crossed]) / (last - first)[crossed])[:, None]
-        met = start[crossed] + share * (end - start)[crossed]
-        if len(met) == 2:
-            lines.append(met[np.argsort(met @ along)])
-    return lines
-
-
 def bodies(obstacles: Sequence[Obstacle], low: Vector3, high: Vector3) -> list[Any]:
-    """Return obstacles in space as Rerun archetypes; unbounded ones reach beyond ``low`` and ``high``."""
+    """Return obstacles in space as Rerun archetypes.
+
+    Endless cylinders and beams reach beyond ``low`` and ``high``; half-spaces are slabs between these.
+    """
     style: dict[str, Any] = {"colors": SCREEN.obstacle_body, "fill_mode": rr.components.FillMode.Solid}
     length, drawn = 1.2 * float(np.linalg.norm(high - low)), list[Any]()
     for each in obstacles:
@@ -53,6 +42,18 @@ def bodies(obstacles: Sequence[Obstacle], low: Vector3, high: Vector3) -> list[A
             axis, radii = each.end - each.start, [each.radius]
             place: dict[str, Any] = {"translations": [each.start], "quaternions": [rr.Quaternion(xyzw=turn_of_z(axis))]}
             drawn.append(rr.Capsules3D(lengths=[float(np.linalg.norm(axis))], radii=radii, **place, **style))
+        elif isinstance(each, HalfSpace):
+            polygon = plane_polygon(each, (low, high))
+            if not len(polygon):
+                continue
+            _, normal = plane_of(each)
+            frame = np.array([*plane_frame(normal), normal])  # axes of the slab by rows
+            flat, depth = polygon @ frame.T, 0.5 * SLAB.depth * float(np.linalg.norm(high - low))
+            least, most = flat.min(axis=0), flat.max(axis=0)
+            half = np.append((most - least)[:2] / 2, depth / 2)
+            center, turn = ((least + most) / 2 - [0.0, 0.0, depth / 2]) @ frame, matrix_to_quaternion(frame.T)
+            turns = [rr.Quaternion(xyzw=np.roll(turn, -1))]
+            drawn.append(rr.Boxes3D(centers=[center], half_sizes=[half], quaternions=turns, **style))
         else:
             sizes = each.half_sizes if len(each.half_sizes) == 3 else [*each.half_sizes, length / 2]
             turn = rr.Quaternion(xyzw=np.roll(each.pose.quaternion, -1))
@@ -60,8 +61,10 @@ def bodies(obstacles: Sequence[Obstacle], low: Vector3, high: Vector3) -> list[A
     return drawn
 
 
-def extent(obstacle: Obstacle) -> Float[np.ndarray, "corners 3"]:
-    """Return points [m] that enclose the bounded part of an obstacle."""
+def extent(obstacle: Obstacle, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "corners 3"]:
+    """Return points [m] that enclose the bounded part of an obstacle, or the part of a plane near ``nodes``."""
+    if isinstance(obstacle, HalfSpace):
+        return feet(obstacle, nodes)
     if isinstance(obstacle, Circle):
         return np.array([[*(obstacle.center + sign * obstacle.radius), 0.0] for sign in (-1, 1)])
     if isinstance(obstacle, Sphere):
@@ -105,7 +108,10 @@ class ArmDrawing:
         """Draw axes, base, obstacles, paths and places, for all times."""
         stage, cell, entity = self.stage, self.workcell, self.entity
         stage.log_axes(recording)
-        borders = [each for each in map(outline, cell.obstacles) if each is not None] if self.planar else []
+        borders = list[Polyline]()
+        if self.planar:
+            low, high = (np.append(corner, 0.0) for corner in (stage.canvas.low, stage.canvas.high))
+            borders = [line for each in cell.obstacles if (line := outline(each, (low, high))) is not None]
         if borders:
             gap = 9.0 * float(stage.canvas.high[0] - stage.canvas.low[0]) / stage.canvas.width
             lines = [in_space(line) for each in borders for line in hatch(each, gap=gap)]
@@ -267,7 +273,11 @@ class ArmDrawing:
     def _extent(self) -> np.ndarray:
         """Points (points, 3) [m] that must be visible."""
         cell = self.workcell
-        around = [each for each in map(extent, cell.obstacles) if self.planar or np.ptp(each, axis=0).all()]
+        around = list[np.ndarray]()
+        for each in cell.obstacles:
+            corners = extent(each, self.nodes)
+            if isinstance(each, HalfSpace) or self.planar or np.ptp(corners, axis=0).all():
+                around.append(corners)
         seen = [self.nodes, cell.arm.base.position[None], *cell.paths, *(place[None] for place in cell.places.values())]
         return np.concatenate([*seen, *around, self._arrow_ends])
 
