@@ -24,6 +24,7 @@ MAKE = {
     "sphere": lambda name: Sphere([5.0, 5.0, 0.0], 0.1, name=name),
     "capsule": lambda name: Capsule([5.0, 5.0, 0.0], [5.0, 6.0, 0.0], 0.1, name=name),
     "box": lambda name: Box([5.0, 5.0], [0.1, 0.1], name=name),
+    "half-space": lambda name: pk.obstacles.HalfSpace([5.0, 5.0], [-1.0, 0.0], name=name),
 }
 every_shape = pytest.mark.parametrize("shape", MAKE)
 SEGMENT = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
