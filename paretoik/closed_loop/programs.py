@@ -52,6 +52,13 @@ def tabulate(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles colu
     return rows
 
 
+def required_distance(task: MotionTask) -> tuple[float, Float[np.ndarray, " links"]]:
+    """Return ``required`` and ``widths`` of ``StepConstraints``."""
+    thinnest = min(task.link_radius) if isinstance(task.link_radius, tuple) else task.link_radius
+    widths = np.broadcast_to(task.link_radius, task.arm.dof + 1) - thinnest
+    return task.min_clearance + thinnest, widths
+
+
 def bounding_ball(obstacle: Obstacle) -> Obstacle:
     """Return a ball or circle around an obstacle, or the obstacle itself if it has none."""
     if isinstance(obstacle, Capsule):
@@ -164,7 +171,8 @@ class StepConstraints(NamedTuple):
     nodes: Any  # evaluator of the positions of the arm's joints
     obstacles: np.ndarray  # rows of ``tabulate``
     bounding: np.ndarray  # rows of ``tabulate`` for the balls around obstacles
-    required: float  # m: smallest distance of links' axes from obstacles
+    required: float  # m: smallest distance of the axes of the thinnest links from obstacles
+    widths: np.ndarray  # m: radius (links,) of each link beyond that of the thinnest one
     reach: np.ndarray  # largest move (dof,) of any point of the arm with each joint
     lower: np.ndarray  # bounds (dof,) of each joint's move, if ``bounded``
     upper: np.ndarray

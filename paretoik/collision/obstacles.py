@@ -197,15 +197,28 @@ else:
 Components: TypeAlias = Sequence[Numbers]  # one array each for x, y and, in space, z
 
 
+LinkRadius: TypeAlias = float | tuple[float, ...]  # m: one radius of all links, or one per link, the base's first
+
+
+def radii(radius: LinkRadius) -> float | Float[np.ndarray, " links"]:
+    """Return the radius of all links, or an array of one per link."""
+    return np.array(radius) if isinstance(radius, tuple) else radius
+
+
+def radius_of(radius: LinkRadius, link: int) -> float:
+    """Return the radius [m] of one link, counted from the base, 0."""
+    return radius[link] if isinstance(radius, tuple) else radius
+
+
 def clearance(
-    obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "*batch nodes 3"], radius: float = 0.0
+    obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "*batch nodes 3"], radius: LinkRadius = 0.0
 ) -> Float[np.ndarray, "*batch"]:
     """Return the smallest signed distance [m] from links to obstacles.
 
     The distance (*batch,) is negative inside an obstacle.
 
     nodes: positions (*batch, nodes, 3) [m] of the arm's joints and tool, in order
-    radius: radius of all links [m]
+    radius: radius of all links [m], or a tuple of one per link
 
     It is the signed distance of the links' axes minus the radius, which is exact if it is positive. Raises InvalidInput
     for no obstacles.
@@ -217,14 +230,15 @@ def clearance(
     """
     if len(obstacles) == 0:
         raise InvalidInput("clearance: must have at least one obstacle, got none")
-    distances = [signed_distance(obstacle, nodes[..., :-1, :], nodes[..., 1:, :]) - radius for obstacle in obstacles]
+    starts, ends = nodes[..., :-1, :], nodes[..., 1:, :]
+    distances = [signed_distance(obstacle, starts, ends) - radii(radius) for obstacle in obstacles]
     return np.asarray(reduce(np.minimum, [distance.min(axis=-1) for distance in distances]))
 
 
-def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 3"], radius: float = 0.0) -> str:
+def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 3"], radius: LinkRadius = 0.0) -> str:
     """Return in words the nearest pair of a link and an obstacle."""
     starts, ends = nodes[:-1], nodes[1:]
-    distances = np.stack([signed_distance(obstacle, starts, ends) for obstacle in obstacles]) - radius
+    distances = np.stack([signed_distance(obstacle, starts, ends) for obstacle in obstacles]) - radii(radius)
     obstacle, link = np.unravel_index(int(np.argmin(distances)), distances.shape)
     return f"{f'link {link}' if link else 'the base'} and {describe_obstacle(obstacles, int(obstacle))}"
 

@@ -15,6 +15,7 @@ from pymoo.operators.sampling.rnd import FloatRandomSampling
 
 from paretoik.arrays import Genes
 from paretoik.closed_loop.objectives import StepObjective
+from paretoik.collision.obstacles import LinkRadius
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_array, shown
 from paretoik.search.operators import Seeded
@@ -52,8 +53,13 @@ def task_rows(task: MotionTask) -> list[tuple[str, str]]:
         for obstacle in task.obstacles:
             kinds.setdefault(type(obstacle).__name__, []).append(obstacle.name)
         shapes = ", ".join(f"{len(names)} {kind}{_in_brackets(names)}" for kind, names in kinds.items())
-        rows.append(("obstacles", f"{shapes}; links of radius {task.link_radius:g} m"))
+        rows.append(("obstacles", f"{shapes}; links of radius {_radius_text(task.link_radius)} m"))
     return rows
+
+
+def _radius_text(radius: LinkRadius) -> str:
+    least, most = np.min(radius), np.max(radius)
+    return f"{least:g}" if least == most else f"{least:g} to {most:g}"
 
 
 def _in_brackets(names: Sequence[str]) -> str:

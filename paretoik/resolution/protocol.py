@@ -77,8 +77,8 @@ def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_dist
             raise InvalidInput(f"{label} must be a function of positions and velocities only, got one that reads more")
         outputs += [result, *gradient(tape, result, inputs[0 if 0 in read else 1])]
     distances = list[int]()
-    for obstacle, each in zip(task.obstacles, motion.distances, strict=True) if with_distances else ():
-        values = [as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0) for value in each.entries.ravel()]
+    for obstacle, by_link in zip(task.obstacles, motion.distances, strict=True) if with_distances else ():
+        values = [as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0) for value in by_link.entries.ravel()]
         if isinstance(obstacle, HalfSpace):  # both ends of a link that is parallel to the plane are near
             values = list(dict.fromkeys(piece for value in values for piece in smooth_pieces(tape, value, -1)))
         distances += values

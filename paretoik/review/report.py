@@ -137,7 +137,7 @@ class ReportMotions:
         described["arm"] = {
             "planar": planar,
             "nodes": nodes.shape[2],
-            "radius": float(motions.link_radius),
+            "radius": motions.link_radius,
             "low": _digits(shown.min(axis=0)),
             "high": _digits(shown.max(axis=0)),
             "paths": [_digits(path, 5) for path in paths if np.ptp(path, axis=0).any()],

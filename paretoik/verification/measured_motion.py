@@ -201,9 +201,9 @@ def pair_distances(obstacles: Sequence[Any], nodes: np.ndarray) -> np.ndarray:
     return np.stack([segment_distances(each, nodes[:, :-1], nodes[:, 1:]) for each in obstacles], axis=-1)
 
 
-def nearest_pair(obstacles: Sequence[Any], nodes: np.ndarray) -> str:
+def nearest_pair(obstacles: Sequence[Any], nodes: np.ndarray, radius: float | tuple[float, ...] = 0.0) -> str:
     """Return in words the link and the obstacle nearest to each other in a posture (nodes, 3)."""
-    distances = pair_distances(obstacles, nodes[None])[0]
+    distances = pair_distances(obstacles, nodes[None])[0] - by_link(radius)
     link, number = np.unravel_index(int(distances.argmin()), distances.shape)
     obstacle = obstacles[int(number)]
     name, shape = getattr(obstacle, "name", ""), SHAPES[type(obstacle).__name__]
@@ -211,9 +211,14 @@ def nearest_pair(obstacles: Sequence[Any], nodes: np.ndarray) -> str:
     return f"{f'link {link}' if link else 'the base'} and {name}, a {shape}"
 
 
-def clearances(obstacles: Sequence[Any], nodes: np.ndarray, radius: float) -> np.ndarray:
+def clearances(obstacles: Sequence[Any], nodes: np.ndarray, radius: float | tuple[float, ...]) -> np.ndarray:
     """Return the least distances (time,) [m] of links (capsules of this radius) from obstacles."""
-    return np.asarray(pair_distances(obstacles, nodes).min(axis=(1, 2)) - radius)
+    return np.asarray((pair_distances(obstacles, nodes) - by_link(radius)).min(axis=(1, 2)))
+
+
+def by_link(radius: float | tuple[float, ...]) -> np.ndarray:
+    """Return radii as a column (1 or links, 1) [m]."""
+    return np.asarray(radius, dtype=float).reshape(-1, 1)
 
 
 # A motion measured a second time.
@@ -263,9 +268,10 @@ class MeasuredMotion:
         return self.task.obstacles
 
     @property
-    def link_radius(self) -> float:
-        """Radius of the links [m]."""
-        return float(self.task.link_radius)
+    def link_radius(self) -> float | tuple[float, ...]:
+        """Radius of the links [m], or a tuple of one per link."""
+        radius = self.task.link_radius
+        return tuple(map(float, radius)) if isinstance(radius, tuple) else float(radius)
 
     @property
     def instants(self) -> MeasuredMotion:
@@ -322,7 +328,7 @@ class MeasuredMotion:
     @cached_property
     def pair_clearances(self) -> np.ndarray:
         """Distances of every link from every obstacle (time, links, obstacles) [m]."""
-        return pair_distances(self.obstacles, self.links[0]) - self.link_radius
+        return pair_distances(self.obstacles, self.links[0]) - by_link(self.link_radius)
 
     @cached_property
     def manipulability(self) -> np.ndarray:

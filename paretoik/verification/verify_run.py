@@ -354,9 +354,10 @@ def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
     yield from (row for row in check_limits(task, motion, violation, point) if row.subject == "violation in the table")
     if task.obstacles and np.isfinite(loop.longest):
         # During steps, which are straight in joints:
-        smallest, at, proven = least_clearance(motion, interp1d(time, q, axis=0), time)
+        straight = interp1d(time, q, axis=0)
+        smallest, at, proven = least_clearance(motion, straight, time)
         limit, tolerance = float(task.min_clearance), TOLERANCES.limits * model.length
-        pair = nearest_pair(task.obstacles, model.nodes(interp1d(time, q, axis=0)(np.array([at])))[0])
+        pair = nearest_pair(task.obstacles, model.nodes(straight(np.array([at])))[0], motion.link_radius)
         detail = f"{pair} are {smallest:.4g} m apart at {at:.4g} s, the limit is {task.min_clearance:g} m"
         yield judge("clearance between samples", max(limit - smallest, 0.0), tolerance, detail, point=point)
         if not proven:

@@ -27,7 +27,7 @@ def excess_at(share, s):
     for j in range(start.previous.shape[0]):
         w.configurations[j, 0] = start.previous[j] + share * (w.inputs[j, 0] - start.previous[j])
     run_first(c.nodes, w.configurations, w.nodes, 1)
-    evaluate_distances(c.obstacles, w.nodes, 1, w.distances)
+    evaluate_distances(c.obstacles, c.widths, w.nodes, 1, w.distances)
     return w.distances[0] - c.required
 
 
@@ -128,9 +128,9 @@ def _place(share, row, s):
 @compiled
 def _excess(k, i, s):
     """Return how far link k in the workspace exceeds the required distance from an obstacle."""
-    w, obstacles, row = s.workspace, s.constraints.obstacles, 3 * k + 3
-    evaluate_distances(obstacles[i : i + 1], w.nodes[row : row + 6], 1, w.distances)
-    return w.distances[0] - s.constraints.required
+    w, c, row = s.workspace, s.constraints, 3 * k + 3
+    evaluate_distances(c.obstacles[i : i + 1], c.widths[k + 1 : k + 2], w.nodes[row : row + 6], 1, w.distances)
+    return w.distances[0] - c.required
 
 
 @compiled

@@ -75,7 +75,7 @@ def spatial_task():
 
 def compiled_distances(task, q, obstacles):
     distances, nodes = np.zeros(len(q)), trace_nodes(task)(q.T)
-    evaluate_distances(tabulate(list(obstacles)), nodes, len(q), distances)
+    evaluate_distances(tabulate(list(obstacles)), np.zeros(task.arm.dof + 1), nodes, len(q), distances)
     return distances
 
 

@@ -51,8 +51,8 @@ def bodies(obstacles: Sequence[Obstacle], low: Vector3, high: Vector3) -> list[A
             flat, depth = polygon @ frame.T, 0.5 * SLAB.depth * float(np.linalg.norm(high - low))
             least, most = flat.min(axis=0), flat.max(axis=0)
             half = np.append((most - least)[:2] / 2, depth / 2)
-            center, turn = ((least + most) / 2 - [0.0, 0.0, depth / 2]) @ frame, matrix_to_quaternion(frame.T)
-            turns = [rr.Quaternion(xyzw=np.roll(turn, -1))]
+            center = ((least + most) / 2 - [0.0, 0.0, depth / 2]) @ frame
+            turns = [rr.Quaternion(xyzw=np.roll(matrix_to_quaternion(frame.T), -1))]
             drawn.append(rr.Boxes3D(centers=[center], half_sizes=[half], quaternions=turns, **style))
         else:
             sizes = each.half_sizes if len(each.half_sizes) == 3 else [*each.half_sizes, length / 2]
@@ -189,17 +189,22 @@ class ArmDrawing:
         style = {"colors": [colour] * (nodes - 1) + [SCREEN.tool if solid else colour], "radii": sizes}
         points = stage.point_kind.from_fields(**style, **stage.order(order + 0.05))
         recording.log(f"{entity}/joints", points, static=True)
-        if solid and cell.link_radius and self.planar:
-            radius = stage.canvas.width / float(stage.canvas.high[0] - stage.canvas.low[0]) * cell.link_radius
-            style = {"colors": SCREEN.body, "radii": radius}
+        if solid and np.any(cell.link_radius) and self.planar:
+            # one line for links of one radius, otherwise a line per link
+            scale = stage.canvas.width / float(stage.canvas.high[0] - stage.canvas.low[0])
+            style = {"colors": SCREEN.body, "radii": scale * np.asarray(cell.link_radius)}
             recording.log(f"{entity}/body", stage.line_kind.from_fields(**style, **stage.order(2.0)), static=True)
-            parts.append(("body", stage.line_kind, strips, 1))
-        elif solid and cell.link_radius:  # translucent capsules, so that lines inside a link stay visible
-            style = {"colors": [SCREEN.hull], "radii": [cell.link_radius], "fill_mode": rr.components.FillMode.Solid}
-            recording.log(f"{entity}/body", rr.Capsules3D.from_fields(**style), static=True)
+            if isinstance(cell.link_radius, tuple):
+                strips = {"strips": [row[link : link + 2] for row in placed for link in range(nodes - 1)]}
+            parts.append(("body", stage.line_kind, strips, nodes - 1 if isinstance(cell.link_radius, tuple) else 1))
+        elif solid and np.any(cell.link_radius):  # translucent capsules, so that lines inside a link stay visible
             axes = np.diff(links, axis=1)
             lengths = np.linalg.norm(axes, axis=2)
             is_link = (lengths > SCENES.shortest * lengths.max()).any(axis=0)
+            sizes = np.broadcast_to(cell.link_radius, nodes - 1)[is_link]
+            sizes = sizes if isinstance(cell.link_radius, tuple) else sizes[:1]
+            style = {"colors": [SCREEN.hull], "radii": sizes, "fill_mode": rr.components.FillMode.Solid}
+            recording.log(f"{entity}/body", rr.Capsules3D.from_fields(**style), static=True)
             capsules = {
                 "lengths": lengths[:, is_link].ravel(),
                 "translations": links[:, :-1][:, is_link].reshape(-1, 3),
