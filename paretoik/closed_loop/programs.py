@@ -54,7 +54,7 @@ def tabulate(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles colu
 
 def required_distance(task: MotionTask) -> tuple[float, Float[np.ndarray, " links"]]:
     """Return ``required`` and ``widths`` of ``StepConstraints``."""
-    thinnest = min(task.link_radius) if isinstance(task.link_radius, tuple) else task.link_radius
+    thinnest = min(task.link_radius) if isinstance(task.link_radius, Sequence) else task.link_radius
     widths = np.broadcast_to(task.link_radius, task.arm.dof + 1) - thinnest
     return task.min_clearance + thinnest, widths
 

@@ -197,17 +197,17 @@ else:
 Components: TypeAlias = Sequence[Numbers]  # one array each for x, y and, in space, z
 
 
-LinkRadius: TypeAlias = float | tuple[float, ...]  # m: one radius of all links, or one per link, the base's first
+LinkRadius: TypeAlias = float | Sequence[float]  # m: one radius of all links, or one per link, the base's first
 
 
 def radii(radius: LinkRadius) -> float | Float[np.ndarray, " links"]:
     """Return the radius of all links, or an array of one per link."""
-    return np.array(radius) if isinstance(radius, tuple) else radius
+    return np.array(radius) if isinstance(radius, Sequence) else radius
 
 
 def radius_of(radius: LinkRadius, link: int) -> float:
     """Return the radius [m] of one link, counted from the base, 0."""
-    return radius[link] if isinstance(radius, tuple) else radius
+    return radius[link] if isinstance(radius, Sequence) else radius
 
 
 def clearance(
@@ -218,7 +218,7 @@ def clearance(
     The distance (*batch,) is negative inside an obstacle.
 
     nodes: positions (*batch, nodes, 3) [m] of the arm's joints and tool, in order
-    radius: radius of all links [m], or a tuple of one per link
+    radius: radius of all links [m], or one per link
 
     It is the signed distance of the links' axes minus the radius, which is exact if it is positive. Raises InvalidInput
     for no obstacles.

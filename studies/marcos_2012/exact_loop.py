@@ -6,6 +6,7 @@ Marcos et al. 2012 (Eqs. 17 to 20) is taken, each objective scaled to its range 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -158,7 +159,7 @@ def _checked_lengths(task: MotionTask, weight: float) -> Float[np.ndarray, " dof
     lengths = np.ascontiguousarray(offsets[:, 0])
     if task.rows != 2 or task.targets.shape[1] != 2:
         raise InvalidInput(f"exact steps: path must be positions in the plane, got {task.rows} rows")
-    if isinstance(task.link_radius, tuple):
+    if isinstance(task.link_radius, Sequence):
         raise InvalidInput(f"exact steps: link_radius must be one number, got {len(task.link_radius)} numbers")
     if not 0.0 <= weight <= 1.0:
         raise InvalidInput(f"weight must be between 0 and 1, got {shown(weight)}")

@@ -194,15 +194,15 @@ class ArmDrawing:
             scale = stage.canvas.width / float(stage.canvas.high[0] - stage.canvas.low[0])
             style = {"colors": SCREEN.body, "radii": scale * np.asarray(cell.link_radius)}
             recording.log(f"{entity}/body", stage.line_kind.from_fields(**style, **stage.order(2.0)), static=True)
-            if isinstance(cell.link_radius, tuple):
+            if isinstance(cell.link_radius, Sequence):
                 strips = {"strips": [row[link : link + 2] for row in placed for link in range(nodes - 1)]}
-            parts.append(("body", stage.line_kind, strips, nodes - 1 if isinstance(cell.link_radius, tuple) else 1))
+            parts.append(("body", stage.line_kind, strips, nodes - 1 if isinstance(cell.link_radius, Sequence) else 1))
         elif solid and np.any(cell.link_radius):  # translucent capsules, so that lines inside a link stay visible
             axes = np.diff(links, axis=1)
             lengths = np.linalg.norm(axes, axis=2)
             is_link = (lengths > SCENES.shortest * lengths.max()).any(axis=0)
             sizes = np.broadcast_to(cell.link_radius, nodes - 1)[is_link]
-            sizes = sizes if isinstance(cell.link_radius, tuple) else sizes[:1]
+            sizes = sizes if isinstance(cell.link_radius, Sequence) else sizes[:1]
             style = {"colors": [SCREEN.hull], "radii": sizes, "fill_mode": rr.components.FillMode.Solid}
             recording.log(f"{entity}/body", rr.Capsules3D.from_fields(**style), static=True)
             capsules = {
