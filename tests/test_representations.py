@@ -101,6 +101,7 @@ PREFERENCES = (
 OBSTACLES = (
     pk.obstacles.Circle([0.3, 0.1], 0.05), pk.obstacles.Sphere([0.3, 0.1, 0.0], 0.05),
     pk.obstacles.Capsule([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], 0.1), pk.obstacles.Box(pk.Pose([0.1, 0.2, 0.3]), [1, 1, 1]),
+    pk.obstacles.HalfSpace([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], name="table"),
 )  # fmt: skip
 METHODS = tuple(
     kind() for kind in vars(pk.methods).values()

@@ -15,7 +15,7 @@ from paretoik.api.result import motion_bytes
 from paretoik.api.session import RunRequest, Session, open_session
 from paretoik.collision.obstacles import Obstacle
 from paretoik.errors import Infeasible
-from paretoik.inputs import check_flag
+from paretoik.inputs import ArrayLike, check_flag
 from paretoik.progress import Observer
 from paretoik.resolution.protocol import TRACKING_TOLERANCE, Criterion, Method, ResolvedMotion
 from paretoik.resolution.resolve import Resolution, Unreachable, resolution_of
@@ -39,7 +39,7 @@ def resolve(
     start: object = None,
     limits: Limits | None = None,
     obstacles: Sequence[Obstacle] = (),
-    link_radius: float = 0.0,
+    link_radius: ArrayLike = 0.0,
     unreachable: Unreachable = "refuse",
     tolerance: float = TRACKING_TOLERANCE,
     seed: int = 0,
@@ -64,7 +64,7 @@ def resolve(
     obstacles
         Obstacles for criteria; ``ConstrainedQP`` also avoids them (default: none).
     link_radius
-        Radius of the capsules around links [m] (default 0).
+        Radius [m] of the capsules around links (default 0), or one per link: of the base, then after each joint.
     unreachable
         Reaction to a lost path: "refuse" it (default), or "track" it as well as possible.
     tolerance

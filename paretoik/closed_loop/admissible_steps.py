@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.autodiff.interpreter import run_first
-from paretoik.closed_loop.programs import AXES, FIRST, KIND, POINT, RADIUS, SECOND, SEGMENT
+from paretoik.closed_loop.programs import AXES, FIRST, KIND, PLANE, POINT, RADIUS, SECOND, SEGMENT
 from paretoik.compilation.numba_cache import compiled
 
 # Distance of an arm's axes from obstacles, compiled. If positive, it is that of ``collision/obstacles.py``, which takes
@@ -18,18 +18,19 @@ from paretoik.compilation.numba_cache import compiled
 
 
 @compiled
-def evaluate_distances(obstacles, nodes, count, distances):
+def evaluate_distances(obstacles, widths, nodes, count, distances):
     """Write the distances of the arm from obstacles in ``count`` configurations.
 
     A distance is at most 0 if the arm meets an obstacle. If it is not positive, some point of the arm is at least that
-    deep in an obstacle. ``obstacles`` is the result of ``tabulate``; ``nodes`` (3 · nodes, count) are x, y and z of
-    each node in order.
+    deep in an obstacle. ``obstacles`` is the result of ``tabulate``; ``widths`` (links,) [m] are subtracted from the
+    distances of each link's axis; ``nodes`` (3 · nodes, count) are x, y and z of each node in order.
     """
     for k in range(count):
         distances[k] = np.inf
     for i in range(obstacles.shape[0]):
         obstacle = obstacles[i]
         for row in range(0, nodes.shape[0] - 3, 3):
+            width = widths[row // 3]
             if obstacle[KIND] == POINT:
                 x, y, flat = obstacle[FIRST], obstacle[FIRST + 1], obstacle[AXES + 8]
                 z, radius = flat * obstacle[FIRST + 2], obstacle[RADIUS]
@@ -38,12 +39,27 @@ def evaluate_distances(obstacles, nodes, count, distances):
                 for k in range(count):
                     ax, ay, az = x0[k], y0[k], flat * z0[k]
                     dx, dy, dz = x1[k] - ax, y1[k] - ay, flat * z1[k] - az
-                    distance = np.sqrt(_squared_distance(x, y, z, ax, ay, az, dx, dy, dz)) - radius
+                    distance = np.sqrt(_squared_distance(x, y, z, ax, ay, az, dx, dy, dz)) - radius - width
                     distances[k] = distance if distance < distances[k] else distances[k]
             elif obstacle[KIND] == SEGMENT:
-                _to_segment(obstacle, nodes, row, count, distances)
+                _to_segment(obstacle, nodes, row, width, count, distances)
+            elif obstacle[KIND] == PLANE:
+                _to_plane(obstacle, nodes, row, width, count, distances)
             else:
-                _to_box(obstacle, nodes, row, count, distances)
+                _to_box(obstacle, nodes, row, width, count, distances)
+
+
+@compiled
+def _to_plane(plane, nodes, row, width, count, distances):
+    """Write the distance from a half-space, that of the nearer end."""
+    px, py, pz = plane[FIRST], plane[FIRST + 1], plane[FIRST + 2]
+    nx, ny, nz = plane[AXES], plane[AXES + 1], plane[AXES + 2]
+    x0, y0, z0, x1, y1, z1 = nodes[row], nodes[row + 1], nodes[row + 2], nodes[row + 3], nodes[row + 4], nodes[row + 5]
+    for k in range(count):
+        first = (x0[k] - px) * nx + (y0[k] - py) * ny + (z0[k] - pz) * nz
+        last = (x1[k] - px) * nx + (y1[k] - py) * ny + (z1[k] - pz) * nz
+        distance = (first if first < last else last) - width
+        distances[k] = distance if distance < distances[k] else distances[k]
 
 
 @compiled
@@ -64,7 +80,7 @@ def _squared_distance(px, py, pz, ax, ay, az, dx, dy, dz):
 
 
 @compiled
-def _to_segment(segment, nodes, row, count, distances):
+def _to_segment(segment, nodes, row, width, count, distances):
     """Write the distance from a segment; the nearest points are an end of one, or within both segments."""
     sx, sy, sz, radius = segment[FIRST], segment[FIRST + 1], segment[FIRST + 2], segment[RADIUS]
     ex, ey, ez = segment[SECOND] - sx, segment[SECOND + 1] - sy, segment[SECOND + 2] - sz
@@ -84,7 +100,7 @@ def _to_segment(segment, nodes, row, count, distances):
         squared = min(squared, _squared_distance(bx, by, bz, sx, sy, sz, ex, ey, ez))
         squared = min(squared, _squared_distance(sx, sy, sz, ax, ay, az, dx, dy, dz))
         squared = min(squared, _squared_distance(sx + ex, sy + ey, sz + ez, ax, ay, az, dx, dy, dz))
-        distance = np.sqrt(squared) - radius
+        distance = np.sqrt(squared) - radius - width
         distances[k] = distance if distance < distances[k] else distances[k]
 
 
@@ -115,7 +131,7 @@ def _narrow(bracket, fraction, start, step, half):
 
 
 @compiled
-def _to_box(box, nodes, row, count, distances):
+def _to_box(box, nodes, row, width, count, distances):
     """Write the distance from a box.
 
     At the nearest place the derivative of the squared distance is zero; it is linear between the box's planes.
@@ -148,7 +164,7 @@ def _to_box(box, nodes, row, count, distances):
         px, py, pz = ax + nearest * dx, ay + nearest * dy, az + nearest * dz
         x, y, z = _outside(px, hx), _outside(py, hy), _outside(pz, hz)
         depth = min(hx - abs(px), hy - abs(py), hz - abs(pz))
-        distance = np.sqrt(x * x + y * y + z * z) - (depth if depth > 0.0 else 0.0)
+        distance = np.sqrt(x * x + y * y + z * z) - (depth if depth > 0.0 else 0.0) - width
         distances[k] = distance if distance < distances[k] else distances[k]
 
 
@@ -163,16 +179,16 @@ def clearance_at_start(start, constraints, w):
     for j in range(start.previous.shape[0]):
         w.configurations[j, 0] = start.previous[j]
     run_first(constraints.nodes, w.configurations, w.nodes, 1)
-    _evaluate_excess(constraints.obstacles, constraints.required, 1, w)
+    _evaluate_excess(constraints.obstacles, constraints, 1, w)
     return w.distances[0]
 
 
 @compiled
-def _evaluate_excess(obstacles, required, count, w):
+def _evaluate_excess(obstacles, constraints, count, w):
     """Write the clearances of the first ``count`` in ``w.nodes``, beyond the required distance."""
-    evaluate_distances(obstacles, w.nodes, count, w.distances)
+    evaluate_distances(obstacles, constraints.widths, w.nodes, count, w.distances)
     for k in range(count):
-        w.distances[k] -= required
+        w.distances[k] -= constraints.required
 
 
 @compiled
@@ -238,7 +254,7 @@ def find_inadmissible(count, start, constraints, clearance, options, w):
         return rejected
     # candidates that are clear of the balls around obstacles are removed; the others are kept with distances
     run_first(constraints.nodes, w.configurations, w.nodes, near)
-    _evaluate_excess(constraints.bounding, constraints.required, near, w)
+    _evaluate_excess(constraints.bounding, constraints, near, w)
     close = 0
     for i in range(near):
         travel = w.travel[i] - clearance if constraints.swept else 0.0
@@ -247,7 +263,7 @@ def find_inadmissible(count, start, constraints, clearance, options, w):
             for m in range(w.nodes.shape[0]):
                 w.nodes[m, close] = w.nodes[m, i]
             close += 1
-    _evaluate_excess(constraints.obstacles, constraints.required, close, w)
+    _evaluate_excess(constraints.obstacles, constraints, close, w)
     doubtful = 0
     for i in range(close):
         if not w.distances[i] > constraints.standoff:
@@ -288,7 +304,7 @@ def _sweep(count, start, clearance, constraints, options, w):
             for j in range(start.previous.shape[0]):
                 w.configurations[j, i] = start.previous[j] + share * (w.inputs[j, k] - start.previous[j])
         run_first(constraints.nodes, w.configurations, w.nodes, batch)
-        _evaluate_excess(constraints.obstacles, constraints.required, batch, w)
+        _evaluate_excess(constraints.obstacles, constraints, batch, w)
         for i in range(batch):
             # halves of an interval that are not proven clear are put on the stack. If the distance in the middle is not
             # positive, or halves would be too short, the travel of the candidate becomes negative

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 
 from paretoik.arrays import Genes
 from paretoik.closed_loop.objectives import Step
-from paretoik.collision.obstacles import clearance
+from paretoik.collision.obstacles import clearance, describe_obstacle
 from paretoik.errors import Infeasible
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.motion import Motion
@@ -205,8 +205,10 @@ def excess_clearance(task: MotionTask, q: Float[np.ndarray, "*batch dof"]) -> Fl
 
 
 def describe_nearest_obstacle(task: MotionTask, q: Float[np.ndarray, " dof"]) -> str:
-    """Return the nearest obstacle to a configuration as text."""
+    """Return the nearest obstacle to a configuration in words: its name, or else its number and size."""
     nodes = link_nodes(task.arm, q)
     distances = [float(clearance([obstacle], nodes, task.link_radius)) for obstacle in task.obstacles]
     k = int(np.argmin(distances))
+    if task.obstacles[k].name:
+        return describe_obstacle(task.obstacles, k)
     return f"obstacle {k + 1} of {len(distances)}, {task.obstacles[k]}"

@@ -15,7 +15,7 @@ from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import TracedArray
 from paretoik.closed_loop.control_step import HISTORY, OPTIONS, reach_by_joint, rotation_rows
 from paretoik.closed_loop.objectives import Step, StepObjective
-from paretoik.collision.obstacles import Box, Capsule, Circle, Obstacle, Sphere
+from paretoik.collision.obstacles import Box, Capsule, Circle, HalfSpace, Obstacle, Sphere
 from paretoik.errors import InvalidInput
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.task import path_errors
@@ -23,14 +23,14 @@ from paretoik.task.traced_motion import TracedMotion, trace_sample, trace_sample
 
 # Obstacles as rows of numbers.
 
-POINT, SEGMENT, BOX = range(3)
+POINT, SEGMENT, BOX, PLANE = range(4)
 KIND, RADIUS, FIRST, SECOND, AXES, COLUMNS = 0, 1, 2, 5, 8, 17
 
 
 def tabulate(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles columns"]:
     """Return one row per obstacle: kind, radius, two points or a center and half sizes, and three axes.
 
-    The last axis of a circle, which is a cylinder in space, is 0.
+    The last axis of a circle, which is a cylinder in space, is 0. The first axis of a half-space is its normal.
     """
     rows = np.zeros((len(obstacles), COLUMNS))
     for row, each in zip(rows, obstacles, strict=True):
@@ -40,6 +40,9 @@ def tabulate(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles colu
             half_sizes = np.append(each.half_sizes, infinite)
             row[KIND], row[FIRST : FIRST + 3], row[SECOND : SECOND + 3] = BOX, each.pose.position, half_sizes
             row[AXES:] = each.pose.rotation.T.ravel()
+        elif isinstance(each, HalfSpace):
+            row[KIND], row[FIRST : FIRST + len(each.point)], row[AXES : AXES + 3] = PLANE, each.point, 0.0
+            row[AXES : AXES + len(each.normal)] = each.normal
         elif isinstance(each, Capsule):
             row[KIND], row[RADIUS] = SEGMENT, each.radius
             row[FIRST : FIRST + 3], row[SECOND : SECOND + 3] = each.start, each.end
@@ -47,6 +50,13 @@ def tabulate(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles colu
             row[KIND], row[RADIUS], row[FIRST : FIRST + len(each.center)] = POINT, each.radius, each.center
             row[AXES + 8] = 0.0 if isinstance(each, Circle) else 1.0
     return rows
+
+
+def required_distance(task: MotionTask) -> tuple[float, Float[np.ndarray, " links"]]:
+    """Return ``required`` and ``widths`` of ``StepConstraints``."""
+    thinnest = min(task.link_radius) if isinstance(task.link_radius, Sequence) else task.link_radius
+    widths = np.broadcast_to(task.link_radius, task.arm.dof + 1) - thinnest
+    return task.min_clearance + thinnest, widths
 
 
 def bounding_ball(obstacle: Obstacle) -> Obstacle:
@@ -161,7 +171,8 @@ class StepConstraints(NamedTuple):
     nodes: Any  # evaluator of the positions of the arm's joints
     obstacles: np.ndarray  # rows of ``tabulate``
     bounding: np.ndarray  # rows of ``tabulate`` for the balls around obstacles
-    required: float  # m: smallest distance of links' axes from obstacles
+    required: float  # m: smallest distance of the axes of the thinnest links from obstacles
+    widths: np.ndarray  # m: radius (links,) of each link beyond that of the thinnest one
     reach: np.ndarray  # largest move (dof,) of any point of the arm with each joint
     lower: np.ndarray  # bounds (dof,) of each joint's move, if ``bounded``
     upper: np.ndarray

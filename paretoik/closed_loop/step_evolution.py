@@ -18,6 +18,7 @@ from paretoik.closed_loop.programs import (
     StepStart,
     Workspace,
     allocate,
+    required_distance,
 )
 from paretoik.runs.journal import is_journalled, key_of, remembered
 
@@ -116,7 +117,7 @@ class StepEvolution:
             self._nodes,
             programs.obstacles,
             programs.bounding,
-            task.min_clearance + task.link_radius,
+            *required_distance(task),
             programs.reach,
             np.array(step.lower),
             np.array(step.upper),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import reduce
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -12,15 +12,20 @@ from jaxtyping import Float
 
 from paretoik.arrays import Vector3
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, check_magnitude, finite_array, positive_number
+from paretoik.inputs import ArrayLike, check_magnitude, check_text, finite_array, positive_number, shown
 from paretoik.robot.pose import Pose, check_pose, freeze
 from paretoik.tables import represented
 
-__all__ = ["Box", "Capsule", "Circle", "Obstacle", "Sphere"]
+__all__ = ["Box", "Capsule", "Circle", "HalfSpace", "Obstacle", "Sphere"]
 
 
 def __dir__() -> list[str]:
     return __all__
+
+
+def _name() -> Any:
+    """Return the field of a name. Names change no motion, and the fingerprint of a problem leaves them out."""
+    return field(default="", metadata={"fingerprint": False})
 
 
 @represented
@@ -30,13 +35,16 @@ class Circle:
 
     center: coordinates (2,) [m]
     radius: radius [m]
+    name: name in messages; "obstacle 1" for the first of a problem without one, and so on
     """
 
     center: Float[np.ndarray, " 2"]
     radius: float
+    name: str = _name()
 
-    def __init__(self, center: ArrayLike, radius: float) -> None:
-        freeze(self, center=_point("circle center", center, 2), radius=positive_number("circle radius", radius, "m"))
+    def __init__(self, center: ArrayLike, radius: float, *, name: str = "") -> None:
+        size = positive_number("circle radius", radius, "m")
+        freeze(self, center=_point("circle center", center, 2), radius=size, name=_text("circle name", name))
 
 
 @represented
@@ -46,13 +54,16 @@ class Sphere:
 
     center: coordinates (3,) [m]
     radius: radius [m]
+    name: name in messages, as of ``Circle``
     """
 
     center: Vector3
     radius: float
+    name: str = _name()
 
-    def __init__(self, center: ArrayLike, radius: float) -> None:
-        freeze(self, center=_point("sphere center", center, 3), radius=positive_number("sphere radius", radius, "m"))
+    def __init__(self, center: ArrayLike, radius: float, *, name: str = "") -> None:
+        size = positive_number("sphere radius", radius, "m")
+        freeze(self, center=_point("sphere center", center, 3), radius=size, name=_text("sphere name", name))
 
 
 @represented
@@ -62,15 +73,18 @@ class Capsule:
 
     start, end: ends of the segment (3,) [m], which may be one point
     radius: radius [m]
+    name: name in messages, as of ``Circle``
     """
 
     start: Vector3
     end: Vector3
     radius: float
+    name: str = _name()
 
-    def __init__(self, start: ArrayLike, end: ArrayLike, radius: float) -> None:
+    def __init__(self, start: ArrayLike, end: ArrayLike, radius: float, *, name: str = "") -> None:
         ends = {"start": _point("capsule start", start, 3), "end": _point("capsule end", end, 3)}
-        freeze(self, **ends, radius=positive_number("capsule radius", radius, "m"))
+        size = positive_number("capsule radius", radius, "m")
+        freeze(self, **ends, radius=size, name=_text("capsule name", name))
 
 
 @represented
@@ -80,14 +94,16 @@ class Box:
 
     center: point, or pose if rotated; for a rectangle a 2-D point or a pose (``Pose.planar``)
     half_sizes: half lengths along its own axes [m], three of a box, two of a rectangle
+    name: name in messages, as of ``Circle``
 
     In space a rectangle is an infinite beam along its own z. Raises InvalidInput for other shapes.
     """
 
     pose: Pose
     half_sizes: Float[np.ndarray, " axes"]
+    name: str = _name()
 
-    def __init__(self, center: Pose | ArrayLike, half_sizes: ArrayLike) -> None:
+    def __init__(self, center: Pose | ArrayLike, half_sizes: ArrayLike, *, name: str = "") -> None:
         sizes = finite_array("box half_sizes", half_sizes)
         if sizes.shape not in ((2,), (3,)):
             raise InvalidInput(f"box half_sizes: must be 2 or 3 numbers, got shape {sizes.shape}")
@@ -97,10 +113,69 @@ class Box:
             point = _point("box center", center, len(sizes))
             center = Pose(np.pad(point, (0, 3 - len(point))))
         check_pose("box center", center)
-        freeze(self, pose=center, half_sizes=sizes)
+        freeze(self, pose=center, half_sizes=sizes, name=_text("box name", name))
 
 
-Obstacle: TypeAlias = Circle | Sphere | Capsule | Box
+@represented
+@dataclass(frozen=True, init=False, eq=False)
+class HalfSpace:
+    """All points behind a plane, such as a table or a wall.
+
+    point: any point of the plane [m], (3,) or, for a vertical plane through a line in the xy-plane, (2,)
+    normal: direction out of the half-space, as long as ``point``; normalised
+    name: name in messages, as of ``Circle``
+
+    The distance of a link is the smaller one of its two ends. Raises InvalidInput for other shapes and a zero normal.
+
+    >>> table = HalfSpace([0.0, 0.0, -0.02], normal=[0.0, 0.0, 1.0], name="table")
+    """
+
+    point: Float[np.ndarray, " axes"]
+    normal: Float[np.ndarray, " axes"]
+    name: str = _name()
+
+    def __init__(self, point: ArrayLike, normal: ArrayLike, *, name: str = "") -> None:
+        place = finite_array("half-space point", point)
+        if place.shape not in ((2,), (3,)):
+            raise InvalidInput(f"half-space point: must be 2 or 3 numbers, got shape {place.shape}")
+        check_magnitude("half-space point", place, "m")
+        direction = finite_array("half-space normal", normal, shape=place.shape)
+        largest = float(np.abs(direction).max())
+        if largest == 0:
+            raise InvalidInput("half-space normal: must not be zero, got only zeros")
+        direction = direction / largest  # squares of very large or small numbers are not finite or zero
+        direction = direction / np.linalg.norm(direction)
+        freeze(self, point=place, normal=direction, name=_text("half-space name", name))
+
+
+Obstacle: TypeAlias = Circle | Sphere | Capsule | Box | HalfSpace
+SHAPES = {Circle: "circle", Sphere: "sphere", Capsule: "capsule", Box: "box", HalfSpace: "half-space"}
+
+
+def obstacle_name(obstacles: Sequence[Obstacle], index: int) -> str:
+    """Return an obstacle's name, or "obstacle 1" for the first one if it has none."""
+    return obstacles[index].name or f"obstacle {index + 1}"
+
+
+def describe_obstacle(obstacles: Sequence[Obstacle], index: int) -> str:
+    """Return an obstacle's name and shape in words: "obstacle 2, a circle" or "the obstacle table, a box"."""
+    given = "the obstacle " * bool(obstacles[index].name)
+    return f"{given}{obstacle_name(obstacles, index)}, a {SHAPES[type(obstacles[index])]}"
+
+
+def check_names(obstacles: Sequence[Obstacle]) -> None:
+    """Raise InvalidInput if two obstacles have the same name."""
+    names = [obstacle_name(obstacles, index) for index in range(len(obstacles))]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InvalidInput(f"obstacles: names must differ, got {names.count(twice)} obstacles named {twice}")
+
+
+def _text(name: str, text: str) -> str:
+    check_text(name, text)
+    if text != text.strip():
+        raise InvalidInput(f"{name} must not begin or end with a space, got {shown(text)}")
+    return text
 
 
 def _point(name: str, coordinates: ArrayLike, size: int) -> Float[np.ndarray, " size"]:
@@ -122,15 +197,28 @@ else:
 Components: TypeAlias = Sequence[Numbers]  # one array each for x, y and, in space, z
 
 
+LinkRadius: TypeAlias = float | Sequence[float]  # m: one radius of all links, or one per link, the base's first
+
+
+def radii(radius: LinkRadius) -> float | Float[np.ndarray, " links"]:
+    """Return the radius of all links, or an array of one per link."""
+    return np.array(radius) if isinstance(radius, Sequence) else radius
+
+
+def radius_of(radius: LinkRadius, link: int) -> float:
+    """Return the radius [m] of one link, counted from the base, 0."""
+    return radius[link] if isinstance(radius, Sequence) else radius
+
+
 def clearance(
-    obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "*batch nodes 3"], radius: float = 0.0
+    obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "*batch nodes 3"], radius: LinkRadius = 0.0
 ) -> Float[np.ndarray, "*batch"]:
     """Return the smallest signed distance [m] from links to obstacles.
 
     The distance (*batch,) is negative inside an obstacle.
 
     nodes: positions (*batch, nodes, 3) [m] of the arm's joints and tool, in order
-    radius: radius of all links [m]
+    radius: radius of all links [m], or one per link
 
     It is the signed distance of the links' axes minus the radius, which is exact if it is positive. Raises InvalidInput
     for no obstacles.
@@ -142,17 +230,17 @@ def clearance(
     """
     if len(obstacles) == 0:
         raise InvalidInput("clearance: must have at least one obstacle, got none")
-    distances = [signed_distance(obstacle, nodes[..., :-1, :], nodes[..., 1:, :]) - radius for obstacle in obstacles]
+    starts, ends = nodes[..., :-1, :], nodes[..., 1:, :]
+    distances = [signed_distance(obstacle, starts, ends) - radii(radius) for obstacle in obstacles]
     return np.asarray(reduce(np.minimum, [distance.min(axis=-1) for distance in distances]))
 
 
-def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 3"], radius: float = 0.0) -> str:
-    """Return in words the nearest pair of a link and an obstacle, both counted from 1."""
+def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 3"], radius: LinkRadius = 0.0) -> str:
+    """Return in words the nearest pair of a link and an obstacle."""
     starts, ends = nodes[:-1], nodes[1:]
-    distances = np.stack([signed_distance(obstacle, starts, ends) for obstacle in obstacles]) - radius
+    distances = np.stack([signed_distance(obstacle, starts, ends) for obstacle in obstacles]) - radii(radius)
     obstacle, link = np.unravel_index(int(np.argmin(distances)), distances.shape)
-    shape = type(obstacles[int(obstacle)]).__name__.lower()
-    return f"{f'link {link}' if link else 'the base'} and obstacle {int(obstacle) + 1}, a {shape}"
+    return f"{f'link {link}' if link else 'the base'} and {describe_obstacle(obstacles, int(obstacle))}"
 
 
 def signed_distance(
@@ -179,6 +267,10 @@ def distance_components(obstacle: Obstacle, start: Components, end: Components) 
         axes = [_components(axis[None]) for axis in obstacle.pose.rotation.T[: len(obstacle.half_sizes)]]
         first, last = ([_dot(axis, _minus(points, position)) for axis in axes] for points in (start, end))
         return _segment_to_box(first, last, obstacle.half_sizes)
+    if isinstance(obstacle, HalfSpace):
+        point, normal = (_components(each[None]) for each in (obstacle.point, obstacle.normal))
+        heights = [_dot(_minus(end[: len(point)], point), normal) for end in (start, end)]
+        return np.minimum(*heights)  # exact: the distance from a plane is linear along a segment
     if isinstance(obstacle, Capsule):
         axis = _components(obstacle.start[None]), _components(obstacle.end[None])
         return _between_segments(start, end, *axis) - obstacle.radius

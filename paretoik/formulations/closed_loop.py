@@ -36,7 +36,7 @@ from paretoik.formulations.protocol import Timeline
 from paretoik.front.choice import Choice, Preference
 from paretoik.front.front import Front
 from paretoik.front.preferences import Weights
-from paretoik.inputs import check_flag, check_seed, check_size, finite_array, likely_spelling, shown
+from paretoik.inputs import ArrayLike, check_flag, check_seed, check_size, finite_array, likely_spelling, shown
 from paretoik.robot.arm import Arm
 from paretoik.search.genes import SMALLEST_POPULATION
 from paretoik.tables import columns, fit_screen, html_representation
@@ -174,7 +174,7 @@ class ClosedLoop:
     obstacles
         Obstacles from which links keep the distance ``limits.clearance``, also between samples.
     link_radius
-        Radius [m] of the links, which are capsules.
+        Radius [m] of the links, which are capsules; or one per link, those of the base and after each joint.
     limits
         Limits on position, velocity and clearance; other limits are refused. The arm's own torque limits are not
         enforced, but the result reports how far they are violated.
@@ -209,7 +209,7 @@ class ClosedLoop:
         weights: Weights | Sequence[float] | np.ndarray | None = None,
         start: Sequence[float] | np.ndarray | None = None,
         obstacles: Sequence[Obstacle] = (),
-        link_radius: float = 0.0,
+        link_radius: ArrayLike = 0.0,
         limits: Limits | None = None,
         longest_step: float = 0.1,
         warm_start: bool = False,

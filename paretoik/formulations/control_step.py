@@ -23,6 +23,7 @@ from paretoik.collision.obstacles import Obstacle
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.formulation import Formulation, of_genes
 from paretoik.inputs import (
+    ArrayLike,
     check_magnitude,
     check_size,
     finite_array,
@@ -138,7 +139,7 @@ class ControlStep(Formulation):
     obstacles
         Obstacles, as in ``ClosedLoop``.
     link_radius
-        Radius [m] of the links, as in ``ClosedLoop``.
+        Radius [m] of the links, or one per link, as in ``ClosedLoop``.
     limits
         Limits on position, velocity and clearance, as in ``ClosedLoop``.
     longest_step
@@ -168,7 +169,7 @@ class ControlStep(Formulation):
         home: Sequence[float] | np.ndarray | None = None,
         objectives: Sequence[StepObjective | Objective] = (joint_displacement, position_error),
         obstacles: Sequence[Obstacle] = (),
-        link_radius: float = 0.0,
+        link_radius: ArrayLike = 0.0,
         limits: Limits | None = None,
         longest_step: float = 0.1,
     ) -> None:

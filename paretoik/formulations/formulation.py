@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Any, TypeVar
@@ -16,6 +15,7 @@ from pymoo.operators.sampling.rnd import FloatRandomSampling
 
 from paretoik.arrays import Genes
 from paretoik.closed_loop.objectives import StepObjective
+from paretoik.collision.obstacles import LinkRadius
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_array, shown
 from paretoik.search.operators import Seeded
@@ -49,10 +49,22 @@ def task_rows(task: MotionTask) -> list[tuple[str, str]]:
         ("limits", "; ".join([*limits, *names]) or "none"),
     ]
     if task.obstacles:
-        kinds = Counter(type(obstacle).__name__ for obstacle in task.obstacles)
-        shapes = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
-        rows.append(("obstacles", f"{shapes}; links of radius {task.link_radius:g} m"))
+        kinds = dict[str, list[str]]()  # names by shape, "" for an obstacle without one
+        for obstacle in task.obstacles:
+            kinds.setdefault(type(obstacle).__name__, []).append(obstacle.name)
+        shapes = ", ".join(f"{len(names)} {kind}{_in_brackets(names)}" for kind, names in kinds.items())
+        rows.append(("obstacles", f"{shapes}; links of radius {_radius_text(task.link_radius)} m"))
     return rows
+
+
+def _radius_text(radius: LinkRadius) -> str:
+    least, most = np.min(radius), np.max(radius)
+    return f"{least:g}" if least == most else f"{least:g} to {most:g}"
+
+
+def _in_brackets(names: Sequence[str]) -> str:
+    given = [name for name in names if name]
+    return f" ({', '.join(given)})" if given else ""
 
 
 def _bounds_text(bounds: Bounds, unit: str) -> str:

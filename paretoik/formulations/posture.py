@@ -18,7 +18,7 @@ from paretoik.collision.obstacles import Obstacle
 from paretoik.errors import InvalidInput
 from paretoik.formulations.control_step import check_limits
 from paretoik.formulations.formulation import Formulation, check_motions, of_genes
-from paretoik.inputs import read_list
+from paretoik.inputs import ArrayLike, read_list
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.operators import elitist_algorithm
@@ -61,7 +61,7 @@ class Posture(Formulation):
     obstacles
         Obstacles that the links stay clear of.
     link_radius
-        Radius [m] of the links, which are capsules.
+        Radius [m] of the links, which are capsules; or one per link, those of the base and after each joint.
 
     Notes
     -----
@@ -82,7 +82,7 @@ class Posture(Formulation):
         constraints: Sequence[Constraint] = (),
         limits: Limits | None = None,
         obstacles: Sequence[Obstacle] = (),
-        link_radius: float = 0.0,
+        link_radius: ArrayLike = 0.0,
     ) -> None:
         read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_limits(limits, supported=("position", "torque", "clearance"), where="of a posture")

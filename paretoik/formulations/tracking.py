@@ -23,7 +23,7 @@ from paretoik.formulations.motions import values_between
 from paretoik.formulations.navigation import navigate, predict
 from paretoik.front.front import Front
 from paretoik.front.points import ADDED_SAMPLES
-from paretoik.inputs import check_seed, check_size
+from paretoik.inputs import ArrayLike, check_seed, check_size
 from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import Discretisation
 from paretoik.pareto.differentiable import Differentiable, Individuals
@@ -143,7 +143,7 @@ class Tracking(Formulation, Differentiable):
     obstacles
         Obstacles from which links keep the distance ``limits.clearance``.
     link_radius
-        Radius [m] of the links, which are capsules.
+        Radius [m] of the links, which are capsules; or one per link, those of the base and after each joint.
     start
         First joint positions (dof,), or "free".
     end_velocity
@@ -191,7 +191,7 @@ class Tracking(Formulation, Differentiable):
         limits: Limits | None = None,
         constraints: Sequence[Constraint] = (),
         obstacles: Sequence[Obstacle] = (),
-        link_radius: float = 0.0,
+        link_radius: ArrayLike = 0.0,
         start: object = "free",
         end_velocity: float | None = None,
         cyclic: bool = False,

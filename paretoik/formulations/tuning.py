@@ -92,7 +92,7 @@ class Tuning(Formulation):
     obstacles
         Obstacles that criteria and objectives may use.
     link_radius
-        Radius [m] of the links that criteria and objectives may use.
+        Radius [m] of the links that criteria and objectives may use, or one per link.
     seed
         Seed of the starts; genes depend on it.
 
@@ -120,7 +120,7 @@ class Tuning(Formulation):
         judged_by: JudgedBy = "worst",
         tolerance: float | None = 0.05,
         obstacles: Sequence[Obstacle] = (),
-        link_radius: float = 0.0,
+        link_radius: ArrayLike = 0.0,
         seed: int = 0,
     ) -> None:
         if not isinstance(method, Method):

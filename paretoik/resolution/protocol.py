@@ -12,7 +12,9 @@ from jaxtyping import Float, Shaped
 
 from paretoik.autodiff.differentiation import dependencies, gradient
 from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.kinks import smooth_pieces
 from paretoik.autodiff.tape import Expression, as_entry
+from paretoik.collision.obstacles import HalfSpace
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_text, finite_array, likely_spelling, read_list, shown
 from paretoik.robot.kinematics import link_frames
@@ -36,7 +38,8 @@ class StepProgram:
 
     - the task errors, the travel of the target in the same coordinates, and the Jacobian by rows
     - value and gradient of every criterion, with respect to positions, or to velocities if it depends only on these
-    - if requested, distance of every moving link from every obstacle, and its gradient with respect to positions
+    - if requested, distance of every moving link from every obstacle, and its gradient with respect to positions; for
+      a half-space, distances of both ends of links
     """
 
     program: Evaluator
@@ -73,8 +76,12 @@ def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_dist
         if read & {2, 3} or not read:
             raise InvalidInput(f"{label} must be a function of positions and velocities only, got one that reads more")
         outputs += [result, *gradient(tape, result, inputs[0 if 0 in read else 1])]
-    values = [value for each in motion.distances for value in each.entries.ravel()] if with_distances else []
-    distances = [as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0) for value in values]
+    distances = list[int]()
+    for obstacle, by_link in zip(task.obstacles, motion.distances, strict=True) if with_distances else ():
+        values = [as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0) for value in by_link.entries.ravel()]
+        if isinstance(obstacle, HalfSpace):  # both ends of a link that is parallel to the plane are near
+            values = list(dict.fromkeys(piece for value in values for piece in smooth_pieces(tape, value, -1)))
+        distances += values
     moving = [entry for entry in distances if set(dependencies(tape, [entry])) & set(inputs[0])]
     for entry in moving:
         outputs += [entry, *gradient(tape, entry, inputs[0])]

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from paretoik.collision.obstacles import Obstacle, clearance, closest_pair
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
-from paretoik.inputs import check_choice, check_seed, degrees_hint, finite_array, shown
+from paretoik.inputs import ArrayLike, check_choice, check_seed, degrees_hint, finite_array, shown
 from paretoik.resolution.constrained import ConstrainedTraces
 from paretoik.resolution.methods import (
     ConstrainedQP,
@@ -59,7 +59,7 @@ def resolution_of(
     start: object,
     limits: Limits | None,
     obstacles: Sequence[Obstacle],
-    link_radius: float,
+    link_radius: ArrayLike,
     unreachable: Unreachable,
     tolerance: float,
     seed: int,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.collision.obstacles import Box, Capsule, Circle, Obstacle, Sphere
+from paretoik.collision.obstacles import Box, Capsule, Circle, HalfSpace, Obstacle, Sphere
 
 # Places of labels: next to a mark or in a frame, and the marks that they cover; in any unit of length.
 
@@ -90,21 +91,113 @@ def _side(tail: np.ndarray, tip: np.ndarray, point: np.ndarray) -> np.ndarray:
 
 
 Polyline = Float[np.ndarray, "_ axes"]
+Box3 = tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]  # lowest and highest corner [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlabOptions:
+    """Sizes of half-spaces in drawings, as shares of a scene's size.
+
+    margin: margin of the scene around the arm
+    near: largest distance of a plane that the scene contains
+    depth: depth of the slab that is drawn
+    lines: number of hatching lines in space
+    """
+
+    margin: float = 0.05
+    near: float = 0.5
+    depth: float = 0.04
+    lines: int = 12
+
+
+SLAB = SlabOptions()
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 49) % (2.0 * np.pi)  # closed exactly
 RING = np.stack([np.cos(ANGLES), np.sin(ANGLES), np.zeros_like(ANGLES)], axis=1)
 EDGES = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]  # pairs of a box's corners
 
 
-def obstacle_lines(obstacles: Sequence[Obstacle], height: tuple[float, float] | None) -> list[Polyline]:
-    """Return obstacles as outlines in the plane, or as wires in space if ``height`` [m] is given."""
+def obstacle_lines(
+    obstacles: Sequence[Obstacle], height: tuple[float, float] | None, seen: Float[np.ndarray, "points axes"]
+) -> list[Polyline]:
+    """Return obstacles as outlines in the plane, or as wires in space if ``height`` [m] is given.
+
+    Half-spaces are clipped to the box around the points ``seen`` [m], their feet on near planes, and a margin.
+    """
+    low, high = scene_box(obstacles, seen)
     if height is None:
-        return [line for line in map(outline, obstacles) if line is not None]
-    return [line for obstacle in obstacles for line in wires(obstacle, height)]
+        return [line for each in obstacles if (line := outline(each, (low, high))) is not None]
+    return [line for each in obstacles for line in wires(each, height, (low, high))]
 
 
-def outline(obstacle: Obstacle) -> Polyline | None:
-    """Return the closed outline (points, 2) [m] of an obstacle in the plane z = 0; None if they do not meet."""
+def scene_box(obstacles: Sequence[Obstacle], seen: Float[np.ndarray, "points axes"]) -> Box3:
+    """Return the corners (3,) of a box around the points ``seen`` [m] and ``feet`` of these; half-spaces end there."""
+    points = np.pad(seen, ((0, 0), (0, 3 - seen.shape[1])))
+    points = np.concatenate([points, *(feet(each, points) for each in obstacles if isinstance(each, HalfSpace))])
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = SLAB.margin * max(float((high - low).max()), 1e-6)
+    return low - margin, high + margin
+
+
+def feet(half_space: HalfSpace, points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "feet 3"]:
+    """Return the nearest points of a plane to those points that are near it, so that views show it there."""
+    point, normal = plane_of(half_space)
+    distances = (points - point) @ normal
+    near = np.abs(distances) <= SLAB.near * float(np.ptp(points, axis=0).max())
+    return np.asarray((points - distances[:, None] * normal)[near])
+
+
+def plane_of(half_space: HalfSpace) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
+    """Return a point and the normal of a half-space in space."""
+    missing = 3 - len(half_space.point)
+    return np.pad(half_space.point, (0, missing)), np.pad(half_space.normal, (0, missing))
+
+
+def plane_frame(normal: Float[np.ndarray, " 3"]) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
+    """Return two unit vectors along a plane, the first horizontal; (first, second, normal) is right-handed."""
+    first = np.cross((0.0, 1.0, 0.0) if abs(normal[2]) > 1.0 - 1e-9 else (0.0, 0.0, 1.0), normal)
+    first /= np.linalg.norm(first)
+    return first, np.cross(normal, first)
+
+
+def plane_polygon(half_space: HalfSpace, box: Box3) -> Float[np.ndarray, "corners 3"]:
+    """Return the corners of the convex part of a plane inside a box, in order; none if they do not meet."""
+    (point, normal), (low, high) = plane_of(half_space), box
+    middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
+    center = middle - ((middle - point) @ normal) * normal
+    first, second = plane_frame(normal)
+    polygon = center + size * np.array([a * first + b * second for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    for axis, side in product(np.eye(3), (-1.0, 1.0)):
+        polygon = _clip(polygon, side * axis, float((high if side > 0 else -low) @ axis) + 1e-9 * size)
+    return polygon
+
+
+def _clip(polygon: Polyline, normal: np.ndarray, offset: float) -> Polyline:
+    """Return the part of a convex polygon (corners, axes) with normal · x ≤ offset (Sutherland & Hodgman 1974)."""
+    beyond, kept = polygon @ normal - offset, list[np.ndarray]()
+    for k, corner in enumerate(polygon):
+        if beyond[k - 1] * beyond[k] < 0:
+            kept.append(polygon[k - 1] + (corner - polygon[k - 1]) * beyond[k - 1] / (beyond[k - 1] - beyond[k]))
+        if beyond[k] <= 0:
+            kept.append(corner)
+    return np.array(kept).reshape(-1, polygon.shape[1])
+
+
+def outline(obstacle: Obstacle, box: Box3) -> Polyline | None:
+    """Return the closed outline (points, 2) [m] of an obstacle in the plane z = 0; None if they do not meet.
+
+    A half-space is a thin slab behind its edge, clipped to ``box``.
+    """
     match obstacle:
+        case HalfSpace():
+            (point, normal), (low, high) = plane_of(obstacle), (corner[:2] for corner in box)
+            slope = float(np.hypot(*normal[:2]))  # of the half-space's depth along the plane z = 0
+            if slope < 1e-9:
+                return None
+            across, offset = normal[:2] / slope, float(normal @ point) / slope
+            polygon = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
+            polygon = _clip(polygon, across, offset)
+            polygon = _clip(polygon, -across, SLAB.depth * float(np.linalg.norm(high - low)) - offset)
+            return _hull(polygon)
         case Circle():
             return np.asarray(obstacle.center + obstacle.radius * RING[:, :2])
         case Sphere():
@@ -123,12 +216,20 @@ def outline(obstacle: Obstacle) -> Polyline | None:
             return _hull(np.array(crossings).reshape(-1, 2))
 
 
-def wires(obstacle: Obstacle, height: tuple[float, float]) -> list[Polyline]:
+def wires(obstacle: Obstacle, height: tuple[float, float], box: Box3) -> list[Polyline]:
     """Return an obstacle in space as lines, each (points, 3) [m].
 
-    Unbounded obstacles are drawn between the two values of ``height`` [m].
+    Endless cylinders and beams are drawn between the two values of ``height`` [m], half-spaces inside ``box``.
     """
     match obstacle:
+        case HalfSpace():  # its border in the box, and hatching
+            polygon = plane_polygon(obstacle, box)
+            if len(polygon) < 3:
+                return []
+            closed, frame = np.concatenate([polygon, polygon[:1]]), np.array(plane_frame(plane_of(obstacle)[1]))
+            flat = (closed - polygon[0]) @ frame.T
+            gap = float(np.ptp(flat, axis=0).max()) / SLAB.lines
+            return [closed, *(polygon[0] + line @ frame for line in hatch(flat, gap=gap))]
         case Circle():
             center = np.array([*obstacle.center, 0.0])
             rings = [center + np.array([0.0, 0.0, z]) + obstacle.radius * RING for z in height]
@@ -151,6 +252,21 @@ def wires(obstacle: Obstacle, height: tuple[float, float]) -> list[Polyline]:
         case Box():
             corners = _box_corners(obstacle, height)
             return [corners[list(edge)] for edge in EDGES]
+
+
+def hatch(corners: Polyline, *, gap: float) -> list[Float[np.ndarray, "2 2"]]:
+    """Return lines at 45 degrees, a ``gap`` apart, across the inside of a closed convex outline (corners, 2)."""
+    across, along = np.array([1.0, 1.0]) / np.sqrt(2), np.array([1.0, -1.0]) / np.sqrt(2)
+    start, end = corners[:-1], corners[1:]
+    first, last = start @ across, end @ across
+    lines = []
+    for level in np.arange(first.min() + 0.5 * gap, first.max(), gap):
+        crossed = (first <= level) != (last <= level)
+        share = ((level - first[crossed]) / (last - first)[crossed])[:, None]
+        met = start[crossed] + share * (end - start)[crossed]
+        if len(met) == 2:
+            lines.append(met[np.argsort(met @ along)])
+    return lines
 
 
 def _box_corners(box: Box, height: tuple[float, float]) -> Float[np.ndarray, "8 3"]:

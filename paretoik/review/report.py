@@ -131,13 +131,13 @@ class ReportMotions:
         nodes, directions = self._nodes, getattr(self.front.problem, "directions", None)
         planar, flat = motions.arm.is_planar, nodes.reshape(-1, nodes.shape[-1])
         height = None if planar else (float(flat[:, -1].min()), float(flat[:, -1].max()))
-        lines = obstacle_lines(motions.obstacles, height)
+        lines = obstacle_lines(motions.obstacles, height, flat)
         paths = [np.asarray(each.path.positions)[:, : nodes.shape[-1]] for each in motions.tasks]
         shown = np.concatenate([flat, *lines, *paths])
         described["arm"] = {
             "planar": planar,
             "nodes": nodes.shape[2],
-            "radius": float(motions.link_radius),
+            "radius": motions.link_radius,
             "low": _digits(shown.min(axis=0)),
             "high": _digits(shown.max(axis=0)),
             "paths": [_digits(path, 5) for path in paths if np.ptp(path, axis=0).any()],

@@ -222,13 +222,14 @@ def class_parts(kind: type) -> dict[str, object]:
 def object_state(value: Any) -> Mapping[str, object]:
     """Return the attributes that define an object, by name, without values that are computed from them.
 
-    - data classes: fields
+    - data classes: fields, except those with ``metadata={"fingerprint": False}``
     - users' and paretoik's objects, pymoo problems: attributes, except those that an evaluation writes
     - other libraries' objects: the parts that pickle takes
     """
     kind = type(value)
     if is_dataclass(kind):
-        return {each.name: getattr(value, each.name) for each in fields(kind) if hasattr(value, each.name)}
+        counted = [each.name for each in fields(kind) if each.metadata.get("fingerprint", True)]
+        return {name: getattr(value, name) for name in counted if hasattr(value, name)}
     is_problem = any(base.__module__ == PYMOO for base in kind.__mro__)
     if is_library(kind.__module__) and kind.__module__.partition(".")[0] != OURS and not is_problem:
         try:

@@ -11,14 +11,13 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import JointPaths, Rotations, Series, read_only
-from paretoik.collision.obstacles import Obstacle, clearance
+from paretoik.collision.obstacles import LinkRadius, Obstacle, check_names, clearance
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.inputs import (
     check_choice,
     check_flag,
     check_instance,
     finite_array,
-    finite_number,
     read_list,
     real_array,
 )
@@ -69,15 +68,23 @@ def checked_samples(arm: Arm, q: object, time: object) -> tuple[JointPaths, np.n
 
 
 def check_obstacles(obstacles: object) -> None:
-    """Raise InvalidInput unless the argument is a list of obstacles."""
-    read_list("obstacles", obstacles, Obstacle, "a list of obstacles")
+    """Raise InvalidInput unless the argument is a list of obstacles with different names."""
+    check_names(read_list("obstacles", obstacles, Obstacle, "a list of obstacles"))
 
 
-def check_link_radius(radius: object) -> None:
-    """Raise InvalidInput unless the radius is 0 m or more."""
-    number = finite_number("link_radius", radius)
-    if number < 0:
-        raise InvalidInput(f"link_radius must be 0 m or more, got {number:g}")
+def checked_link_radius(radius: object, arm: Arm) -> LinkRadius:
+    """Return one radius of all links, or a tuple of one per link; raises InvalidInput for others.
+
+    Links are the segments between consecutive ``Motion.links``: the base, then one per joint.
+    """
+    numbers, links = finite_array("link_radius", radius), arm.dof + 1
+    if numbers.shape not in ((), (links,)):
+        many = f"{numbers.size} number{'s' * (numbers.size != 1)}" if numbers.ndim == 1 else f"shape {numbers.shape}"
+        raise InvalidInput(f"link_radius must be one number or one per link ({links}), got {many}")
+    if numbers.min() < 0:
+        where = f" for link {int(numbers.argmin())}" if numbers.ndim else ""
+        raise InvalidInput(f"link_radius must be 0 m or more, got {numbers.min():g}{where}")
+    return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
 
 
 # The motion and its quantities.
@@ -92,7 +99,7 @@ class Motion:
     q: joint positions (*batch, time, dof) [rad, m] at the samples
     tasks: tasks that the motion follows
     obstacles: obstacles for ``clearance``
-    link_radius: radius of all links [m]
+    link_radius: radius of all links [m], or one per link: of the base, then of the link after each joint
     differences: kind of velocities and accelerations at the samples, see below
     cyclic: whether the motion ends as it starts: q_N = q₀, v₀ = v_N
     ends_at_rest: whether a spline ends with velocity 0
@@ -117,7 +124,7 @@ class Motion:
     q: JointPaths
     tasks: tuple[Task, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
-    link_radius: float = 0.0
+    link_radius: LinkRadius = 0.0
     differences: Differences = DIFFERENCES
     cyclic: bool = False
     ends_at_rest: bool = False
@@ -130,7 +137,7 @@ class Motion:
         check_flag("ends_at_rest", self.ends_at_rest)
         read_list("tasks", self.tasks, Task, "a tuple of tasks")
         check_obstacles(self.obstacles)
-        check_link_radius(self.link_radius)
+        object.__setattr__(self, "link_radius", checked_link_radius(self.link_radius, self.arm))
         check_instance("derivatives", self.derivatives, Derivatives | None, "Derivatives or None")
         if self.cyclic:
             distance = np.abs(q[..., -1, :] - q[..., 0, :])

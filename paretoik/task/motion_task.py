@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from numpy.lib.stride_tricks import sliding_window_view
 
 from paretoik.arrays import JointPaths, Objectives, Times, read_only
-from paretoik.collision.obstacles import Obstacle, closest_pair
+from paretoik.collision.obstacles import LinkRadius, Obstacle, closest_pair
 from paretoik.errors import EvaluationFailed, Infeasible
 from paretoik.inputs import warn_of_odd_objectives
 from paretoik.robot.arm import Arm
@@ -177,7 +177,7 @@ class MotionTask:
     constraints: tuple[Constraint, ...]
     bounds: dict[str, Bounds]  # arrays (1 or time, dof, 2) of limits by kind
     obstacles: tuple[Obstacle, ...]
-    link_radius: float
+    link_radius: LinkRadius
     min_clearance: float
     start: Float[np.ndarray, " dof"] | None  # joint positions (dof,), or None for a free start
     ends_at_rest: bool

@@ -20,7 +20,7 @@ from paretoik.autodiff.differentiation import dependencies
 from paretoik.autodiff.opcodes import PIECEWISE, Op
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import NotLocal, Trace, TracedArray
-from paretoik.collision.obstacles import Obstacle, distance_components
+from paretoik.collision.obstacles import LinkRadius, Obstacle, distance_components, radii
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.inputs import likely_spelling, limited_call, user_function
 from paretoik.robot.arm import Arm
@@ -170,7 +170,7 @@ class TracedMotion:
         nodes = [self.links[..., axis] for axis in range(3)]
         starts, ends = [node[..., :-1] for node in nodes], [node[..., 1:] for node in nodes]
         distance: Any = distance_components  # typed for arrays, but takes expressions too
-        return [distance(obstacle, starts, ends) - self.link_radius for obstacle in self.obstacles]
+        return [distance(obstacle, starts, ends) - radii(self.link_radius) for obstacle in self.obstacles]
 
     def integral(self, series: Any) -> Any:
         """As ``Motion.integral``."""
@@ -324,7 +324,7 @@ class OneInterval(NamedTuple):
     arm: Arm
     tasks: tuple[Task, ...]
     obstacles: tuple[Obstacle, ...]
-    link_radius: float
+    link_radius: LinkRadius
     differences: Differences = "spline"
     cyclic: bool = False
     times: np.ndarray = np.array([0.0, 1.0])
@@ -334,7 +334,7 @@ class OneInterval(NamedTuple):
 
 @lru_cache(maxsize=64)
 def has_kinks(
-    term: Any, arm: Arm, tasks: tuple[Task, ...], obstacles: tuple[Obstacle, ...], link_radius: float
+    term: Any, arm: Arm, tasks: tuple[Task, ...], obstacles: tuple[Obstacle, ...], link_radius: LinkRadius
 ) -> bool:
     """Return whether a function of an instant has kinks; False if it cannot be traced."""
     motion = trace_sample(OneInterval(arm, tasks, obstacles, link_radius))

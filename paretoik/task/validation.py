@@ -9,9 +9,10 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.collision.obstacles import Obstacle, signed_distance
+from paretoik.collision.obstacles import Obstacle, describe_obstacle, radius_of, signed_distance
 from paretoik.errors import InvalidInput
 from paretoik.inputs import (
+    ArrayLike,
     check_choice,
     check_flag,
     check_instance,
@@ -26,7 +27,7 @@ from paretoik.robot.kinematics import characteristic_length, link_nodes
 from paretoik.robot.pose import matrix_to_quaternion, quaternion_to_matrix
 from paretoik.task.differences import DIFFERENCES, Differences
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, Limits
-from paretoik.task.motion import check_link_radius, check_obstacles
+from paretoik.task.motion import check_obstacles, checked_link_radius
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective, evaluate_function
 from paretoik.task.path import Path
@@ -44,7 +45,7 @@ def motion_task(
     limits: Limits | None = None,
     constraints: Sequence[Constraint] = (),
     obstacles: Sequence[Obstacle] = (),
-    link_radius: float = 0.0,
+    link_radius: ArrayLike = 0.0,
     differences: Differences = DIFFERENCES,
     redundant: bool = True,
 ) -> MotionTask:
@@ -64,7 +65,7 @@ def motion_task(
     given = Limits() if limits is None else limits
     check_instance("limits", given, Limits, "Limits(...)")
     check_obstacles(obstacles)
-    check_link_radius(link_radius)
+    radius = checked_link_radius(link_radius, arm)
     bounds = given.bounds(arm, followed[0].path.samples)
     allowed = bounds.get("position", np.tile([-np.inf, np.inf], (1, arm.dof, 1)))
     widest = np.stack([allowed[..., 0].min(axis=0), allowed[..., 1].max(axis=0)], axis=-1)
@@ -81,7 +82,7 @@ def motion_task(
         constraints=tuple(constraints),
         bounds=bounds,
         obstacles=tuple(obstacles),
-        link_radius=link_radius,
+        link_radius=radius,
         min_clearance=given.clearance,
         start=None,
         ends_at_rest=False,
@@ -177,13 +178,15 @@ def _check_immovable_links(task: MotionTask) -> None:
     still = np.linalg.norm(np.ptp(nodes, axis=0), axis=1) <= LIMIT_TOLERANCE * characteristic_length(task.arm)
     smallest = min(task.min_clearance, 0.0) - LIMIT_TOLERANCE * task.clearance_range
     for link in np.flatnonzero(still[:-1] & still[1:]).tolist():
-        for number, obstacle in enumerate(task.obstacles, start=1):
-            distance = float(signed_distance(obstacle, nodes[0, link], nodes[0, link + 1])) - task.link_radius
+        radius = radius_of(task.link_radius, link)
+        for number, obstacle in enumerate(task.obstacles):
+            distance = float(signed_distance(obstacle, nodes[0, link], nodes[0, link + 1])) - radius
             if distance < smallest:
                 part = f"link {link}, which no joint moves" if link else "the base, which does not move"
+                links = "links have" if isinstance(task.link_radius, float) else "it has"
                 raise InvalidInput(
-                    f"obstacles: obstacle {number}, a {type(obstacle).__name__.lower()}, must be clear of {part}, got "
-                    f"one that reaches {-distance:.3g} m into it (links have a radius of {task.link_radius:g} m): no "
+                    f"obstacles: {describe_obstacle(task.obstacles, number)}, must be clear of {part}, got "
+                    f"one that reaches {-distance:.3g} m into it ({links} a radius of {radius:g} m): no "
                     "motion can keep clear of it"
                 )
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import JointPaths
-from paretoik.collision.obstacles import clearance, closest_pair, signed_distance
+from paretoik.collision.obstacles import clearance, closest_pair, describe_obstacle, radii, radius_of, signed_distance
 from paretoik.errors import Infeasible, InvalidInput, warn_user
 from paretoik.nlp.minimise import minimise_violation
 from paretoik.nlp.program import Solutions
@@ -50,13 +50,12 @@ def warn_of_obstructed_path(task: MotionTask) -> None:
         if task.min_clearance - distance <= LIMIT_TOLERANCE * task.clearance_range:
             continue
         count = int((distances[obstacle] < task.min_clearance).sum())
-        shape = type(task.obstacles[int(obstacle)]).__name__.lower()
         where = f"reaches {-distance:.3g} m into it" if distance < 0 else f"is {distance:.3g} m away from it"
         warn_user(
-            f"path: obstacle {obstacle + 1} ({shape}) is in its way: at sample {sample} "
+            f"path: {describe_obstacle(task.obstacles, int(obstacle))}, is in its way: at sample {sample} "
             f"({task.times[sample]:.4g} s, the worst of {count}) the end of link {task.arm.dof} "
-            f"(radius {task.link_radius:g} m) {where}, but the clearance must be {task.min_clearance:g} m; "
-            "no motion along the path is feasible"
+            f"(radius {radius_of(task.link_radius, task.arm.dof):g} m) {where}, but the clearance must be "
+            f"{task.min_clearance:g} m; no motion along the path is feasible"
         )
 
 
@@ -83,7 +82,8 @@ def _tool_distances(task: MotionTask) -> Iterator[Float[np.ndarray, "obstacles t
             if task.arm.is_planar:
                 height = link_nodes(task.arm, np.zeros(task.arm.dof))[-1, 2]
                 tool = np.column_stack([tool[:, :2], np.full(len(tool), height)])
-            yield np.stack([signed_distance(obstacle, tool, tool) for obstacle in task.obstacles]) - task.link_radius
+            distances = np.stack([signed_distance(obstacle, tool, tool) for obstacle in task.obstacles])
+            yield distances - radius_of(task.link_radius, task.arm.dof)
 
 
 # Limits that cannot all be satisfied: detection and error text.
@@ -474,7 +474,7 @@ def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
         keep = _may_reach(task, sample, center, half, bend, steps)
         if task.obstacles:
             nodes, motion = link_nodes(arm, center), half @ reach
-            smallest = task.min_clearance + task.link_radius - LIMIT_TOLERANCE * task.clearance_range
+            smallest = task.min_clearance + radii(task.link_radius) - LIMIT_TOLERANCE * task.clearance_range
             for each in task.obstacles:
                 keep &= (signed_distance(each, nodes[:, :-1], nodes[:, 1:]) + motion >= smallest).all(axis=1)
         center, half = center[keep], half[keep]

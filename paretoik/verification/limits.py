@@ -31,7 +31,8 @@ def excesses(task: Any, motion: MeasuredMotion) -> Iterator[tuple[str, float, Wo
     if task.obstacles:
         instant = int(motion.clearance.argmin())
         smallest, limit = float(motion.clearance[0, instant]), float(task.min_clearance)
-        pair, time = nearest_pair(task.obstacles, motion.links[0, instant]), float(motion.time[0, instant])
+        pair = nearest_pair(task.obstacles, motion.links[0, instant], motion.link_radius)
+        time = float(motion.time[0, instant])
         place = Worst(what="clearance", joint=pair, time=time, value=smallest, limit=limit, unit="m")
         excess = float(task.min_clearance - smallest) / clearance_range(task, motion.model)
         yield "clearance at samples", excess, place, ""

@@ -150,6 +150,9 @@ def _central(values: np.ndarray, time: np.ndarray, order: int, *, cyclic: bool) 
 # minimum.
 
 
+SHAPES = {"Circle": "circle", "Sphere": "sphere", "Capsule": "capsule", "Box": "box", "HalfSpace": "half-space"}
+
+
 def point_distances(obstacle: Any, points: np.ndarray) -> np.ndarray:
     """Return signed distances [m] of points (..., 3) from an obstacle, negative inside."""
     kind = type(obstacle).__name__
@@ -167,6 +170,9 @@ def point_distances(obstacle: Any, points: np.ndarray) -> np.ndarray:
         excess = np.abs(local[..., : len(obstacle.half_sizes)]) - obstacle.half_sizes
         outside = np.linalg.norm(np.maximum(excess, 0.0), axis=-1)
         return outside + np.minimum(excess.max(axis=-1), 0.0)
+    if kind == "HalfSpace":
+        offset = float(np.dot(obstacle.normal, obstacle.point))
+        return points[..., : len(obstacle.normal)] @ obstacle.normal - offset
     raise TypeError(f"an obstacle of a kind that the verifier does not know: {kind}")
 
 
@@ -195,18 +201,24 @@ def pair_distances(obstacles: Sequence[Any], nodes: np.ndarray) -> np.ndarray:
     return np.stack([segment_distances(each, nodes[:, :-1], nodes[:, 1:]) for each in obstacles], axis=-1)
 
 
-def nearest_pair(obstacles: Sequence[Any], nodes: np.ndarray) -> str:
+def nearest_pair(obstacles: Sequence[Any], nodes: np.ndarray, radius: float | tuple[float, ...] = 0.0) -> str:
     """Return in words the link and the obstacle nearest to each other in a posture (nodes, 3)."""
-    distances = pair_distances(obstacles, nodes[None])[0]
+    distances = pair_distances(obstacles, nodes[None])[0] - by_link(radius)
     link, number = np.unravel_index(int(distances.argmin()), distances.shape)
     obstacle = obstacles[int(number)]
-    name = getattr(obstacle, "name", "") or f"obstacle {number + 1}, a {type(obstacle).__name__.lower()}"
-    return f"{f'link {link}' if link else 'the base'} and {name}"
+    name, shape = getattr(obstacle, "name", ""), SHAPES[type(obstacle).__name__]
+    name = f"the obstacle {name}" if name else f"obstacle {number + 1}"
+    return f"{f'link {link}' if link else 'the base'} and {name}, a {shape}"
 
 
-def clearances(obstacles: Sequence[Any], nodes: np.ndarray, radius: float) -> np.ndarray:
+def clearances(obstacles: Sequence[Any], nodes: np.ndarray, radius: float | tuple[float, ...]) -> np.ndarray:
     """Return the least distances (time,) [m] of links (capsules of this radius) from obstacles."""
-    return np.asarray(pair_distances(obstacles, nodes).min(axis=(1, 2)) - radius)
+    return np.asarray((pair_distances(obstacles, nodes) - by_link(radius)).min(axis=(1, 2)))
+
+
+def by_link(radius: float | tuple[float, ...]) -> np.ndarray:
+    """Return radii as a column (1 or links, 1) [m]."""
+    return np.asarray(radius, dtype=float).reshape(-1, 1)
 
 
 # A motion measured a second time.
@@ -256,9 +268,10 @@ class MeasuredMotion:
         return self.task.obstacles
 
     @property
-    def link_radius(self) -> float:
-        """Radius of the links [m]."""
-        return float(self.task.link_radius)
+    def link_radius(self) -> float | tuple[float, ...]:
+        """Radius of the links [m], or a tuple of one per link."""
+        radius = self.task.link_radius
+        return tuple(map(float, radius)) if isinstance(radius, tuple) else float(radius)
 
     @property
     def instants(self) -> MeasuredMotion:
@@ -315,7 +328,7 @@ class MeasuredMotion:
     @cached_property
     def pair_clearances(self) -> np.ndarray:
         """Distances of every link from every obstacle (time, links, obstacles) [m]."""
-        return pair_distances(self.obstacles, self.links[0]) - self.link_radius
+        return pair_distances(self.obstacles, self.links[0]) - by_link(self.link_radius)
 
     @cached_property
     def manipulability(self) -> np.ndarray:

@@ -249,7 +249,7 @@ def check_between(
     smallest, at, proven = least_clearance(samples, curve, samples.time[0])
     model, size = samples.model, clearance_range(task, samples.model)
     short = max(float(task.min_clearance) - smallest, 0.0)
-    pair = nearest_pair(task.obstacles, model.nodes(curve(np.array([at])))[0])
+    pair = nearest_pair(task.obstacles, model.nodes(curve(np.array([at])))[0], samples.link_radius)
     place = Worst(what="clearance", joint=pair, time=at, value=smallest, limit=float(task.min_clearance), unit="m")
     row = judge("clearance between samples", short, TOLERANCES.between * size, str(place), point=point, worst=place)
     if row.verdict == "failed" and not promised:
@@ -260,7 +260,7 @@ def check_between(
         moves = np.diff(samples.links[0], axis=0)
         v = (np.linalg.norm(moves, axis=-1).max(axis=1) / step).max()
         a = np.linalg.norm(np.diff(moves, axis=0), axis=-1).max(initial=0.0) / step.min() ** 2
-        bend = a + v**2 / (smallest_size + samples.link_radius)
+        bend = a + v**2 / (smallest_size + np.min(samples.link_radius))
         if short <= min(np.diff(np.asarray(task.times)).max() ** 2 / 8 * bend, smallest_size / 2):
             reason = "nothing is promised between samples of a point that is not a minimum"
             row = replace(row, verdict="noted", detail=reason)

@@ -17,7 +17,7 @@ from paretoik.stop_flag import check_interruption
 from paretoik.verification.arm_model import ArmModel, build_model
 from paretoik.verification.front_checks import check_certificate, check_tables
 from paretoik.verification.limits import worst_joint
-from paretoik.verification.measured_motion import MeasuredMotion, measure
+from paretoik.verification.measured_motion import MeasuredMotion, measure, nearest_pair
 from paretoik.verification.motion_checks import (
     check_between,
     check_errors,
@@ -354,11 +354,11 @@ def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
     yield from (row for row in check_limits(task, motion, violation, point) if row.subject == "violation in the table")
     if task.obstacles and np.isfinite(loop.longest):
         # During steps, which are straight in joints:
-        smallest, at, proven = least_clearance(motion, interp1d(time, q, axis=0), time)
+        straight = interp1d(time, q, axis=0)
+        smallest, at, proven = least_clearance(motion, straight, time)
         limit, tolerance = float(task.min_clearance), TOLERANCES.limits * model.length
-        detail = (
-            f"links come within {smallest:.4g} m of an obstacle at {at:.4g} s, the limit is {task.min_clearance:g} m"
-        )
+        pair = nearest_pair(task.obstacles, model.nodes(straight(np.array([at])))[0], motion.link_radius)
+        detail = f"{pair} are {smallest:.4g} m apart at {at:.4g} s, the limit is {task.min_clearance:g} m"
         yield judge("clearance between samples", max(limit - smallest, 0.0), tolerance, detail, point=point)
         if not proven:
             yield leave_out("clearance between samples", "a step is too near to an obstacle to be sure", point=point)

@@ -6,6 +6,7 @@ Marcos et al. 2012 (Eqs. 17 to 20) is taken, each objective scaled to its range 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,15 @@ from jaxtyping import Float
 from paretoik.closed_loop.control_step import OPTIONS as ENGINE
 from paretoik.closed_loop.control_step import StepState, reach_by_joint
 from paretoik.closed_loop.loop import required_standoff, step_limits
-from paretoik.closed_loop.programs import StepConstraints, StepStart, allocate, bounding_ball, tabulate, trace_nodes
+from paretoik.closed_loop.programs import (
+    StepConstraints,
+    StepStart,
+    allocate,
+    bounding_ball,
+    required_distance,
+    tabulate,
+    trace_nodes,
+)
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.inputs import check_size, finite_array, shown
 from paretoik.task.motion_task import MotionTask
@@ -108,7 +117,7 @@ def planar_steps(
         trace_nodes(task).arrays,
         tabulate(task.obstacles),
         tabulate([bounding_ball(obstacle) for obstacle in task.obstacles]),
-        task.min_clearance + task.link_radius,
+        *required_distance(task),
         reach_by_joint(task),
         np.zeros(n),
         np.zeros(n),
@@ -150,6 +159,8 @@ def _checked_lengths(task: MotionTask, weight: float) -> Float[np.ndarray, " dof
     lengths = np.ascontiguousarray(offsets[:, 0])
     if task.rows != 2 or task.targets.shape[1] != 2:
         raise InvalidInput(f"exact steps: path must be positions in the plane, got {task.rows} rows")
+    if isinstance(task.link_radius, Sequence):
+        raise InvalidInput(f"exact steps: link_radius must be one number, got {len(task.link_radius)} numbers")
     if not 0.0 <= weight <= 1.0:
         raise InvalidInput(f"weight must be between 0 and 1, got {shown(weight)}")
     return lengths

@@ -12,7 +12,7 @@ import numpy as np
 
 from paretoik.autodiff.interpreter import run_first
 from paretoik.closed_loop.admissible_steps import evaluate_distances
-from paretoik.closed_loop.programs import AXES, FIRST, KIND, POINT, RADIUS, SECOND, SEGMENT
+from paretoik.closed_loop.programs import AXES, FIRST, KIND, PLANE, POINT, RADIUS, SECOND, SEGMENT
 from paretoik.compilation.numba_cache import compiled
 from studies.marcos_2012.null_space_steps import clip, configure
 from studies.marcos_2012.step_cells import ADMISSIBLE
@@ -27,7 +27,7 @@ def excess_at(share, s):
     for j in range(start.previous.shape[0]):
         w.configurations[j, 0] = start.previous[j] + share * (w.inputs[j, 0] - start.previous[j])
     run_first(c.nodes, w.configurations, w.nodes, 1)
-    evaluate_distances(c.obstacles, w.nodes, 1, w.distances)
+    evaluate_distances(c.obstacles, c.widths, w.nodes, 1, w.distances)
     return w.distances[0] - c.required
 
 
@@ -128,9 +128,9 @@ def _place(share, row, s):
 @compiled
 def _excess(k, i, s):
     """Return how far link k in the workspace exceeds the required distance from an obstacle."""
-    w, obstacles, row = s.workspace, s.constraints.obstacles, 3 * k + 3
-    evaluate_distances(obstacles[i : i + 1], w.nodes[row : row + 6], 1, w.distances)
-    return w.distances[0] - s.constraints.required
+    w, c, row = s.workspace, s.constraints, 3 * k + 3
+    evaluate_distances(c.obstacles[i : i + 1], c.widths[k + 1 : k + 2], w.nodes[row : row + 6], 1, w.distances)
+    return w.distances[0] - c.required
 
 
 @compiled
@@ -254,6 +254,8 @@ def witness(which, k, obstacle, share, nodes, s):
         cx, cy, cz = cx + along * dx, cy + along * dy, cz + along * dz
         fraction = 1.0 if which == 2 else _fraction(k, cx, cy, nodes)
         return _to_ball(fraction, cx, cy, cz, obstacle, k, share, nodes, s)
+    if obstacle[KIND] == PLANE:
+        return _none() if which > 0 else _to_plane(k, obstacle, share, nodes, s)
     is_upright = abs(obstacle[AXES + 8]) == 1.0 and abs(cz) <= obstacle[SECOND + 2]
     if not is_upright:
         return _none()
@@ -294,6 +296,15 @@ def _to_ball(fraction, cx, cy, cz, obstacle, k, share, nodes, s):
     if not distance > travel:
         return _none()
     return distance - obstacle[RADIUS], gu, gv, remainder + 0.5 * travel * travel / (distance - travel)
+
+
+@compiled
+def _to_plane(k, plane, share, nodes, s):
+    """Return the bound of the end of the link from a half-space."""
+    nx, ny = plane[AXES], plane[AXES + 1]
+    x, y = nodes[k + 1, 0] - plane[FIRST], nodes[k + 1, 1] - plane[FIRST + 1]
+    gu, gv, _, remainder = _move(k, 1.0, nx, ny, share, nodes, s)
+    return x * nx + y * ny - plane[FIRST + 2] * plane[AXES + 2], gu, gv, remainder
 
 
 @compiled

@@ -9,7 +9,7 @@ import paretoik as pk
 from paretoik.closed_loop.admissible_steps import clearance_at_start, evaluate_distances, find_inadmissible
 from paretoik.closed_loop.control_step import OPTIONS, excess_clearance
 from paretoik.closed_loop.programs import bounding_ball, tabulate, trace_nodes
-from paretoik.collision.obstacles import Box, Capsule, Circle, Sphere, clearance
+from paretoik.collision.obstacles import Box, Capsule, Circle, HalfSpace, Sphere, clearance
 from paretoik.robot.kinematics import link_nodes
 from paretoik.robot.pose import Pose
 from problems import marcos_2012
@@ -57,6 +57,8 @@ OBSTACLES = [
     Box(TURNED, [0.3, 0.2, 0.1]),
     Box(TURNED, [0.3, 0.2]),
     Box(Pose.planar(0.5, 0.2, 0.7), [0.3, 0.2]),
+    HalfSpace([0.0, -0.3], [0.28, 0.96]),
+    HalfSpace([0.1, 0.2, -0.7], [-0.6, 0.0, 0.8]),
 ]
 
 
@@ -73,7 +75,7 @@ def spatial_task():
 
 def compiled_distances(task, q, obstacles):
     distances, nodes = np.zeros(len(q)), trace_nodes(task)(q.T)
-    evaluate_distances(tabulate(list(obstacles)), nodes, len(q), distances)
+    evaluate_distances(tabulate(list(obstacles)), np.zeros(task.arm.dof + 1), nodes, len(q), distances)
     return distances
 
 
@@ -112,6 +114,8 @@ def test_compiled_distances_to_random_obstacles_are_those_of_their_definition(se
         Capsule(rng.normal(size=3), rng.normal(size=3), size[2]),
         Box(turned, size),
         Box(turned, size[:2]),
+        HalfSpace(position, turned.rotation[:, 0]),
+        HalfSpace(position[:2], turned.rotation[:2, 0]),
     ]
     q = rng.uniform(-2.5, 2.5, size=(200, 7))
     for each in obstacles:

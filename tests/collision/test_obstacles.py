@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.collision.obstacles import Box, Capsule, Circle, Sphere, clearance, signed_distance
+from paretoik.collision.obstacles import Box, Capsule, Circle, HalfSpace, Sphere, clearance, signed_distance
 from paretoik.errors import InvalidInput
 from paretoik.robot.pose import Pose
 
@@ -20,6 +20,11 @@ from paretoik.robot.pose import Pose
         (lambda: Circle([0, 0], -0.1), "circle radius: must be positive, got -0.1 m"),
         (lambda: Sphere([0, np.inf, 0], 0.1), "sphere center: must be finite, got inf at index 1"),
         (lambda: Box([0, 0], [0.1, 0.2, 0.3]), "box center: must have shape (3,), got shape (2,)"),
+        (lambda: HalfSpace([0, 0, 0], [0, 1]), "half-space normal: must have shape (3,), got shape (2,)"),
+        (lambda: HalfSpace([0.0], [1.0]), "half-space point: must be 2 or 3 numbers, got shape (1,)"),
+        (lambda: HalfSpace([0, 0, 0], [0, 0, 0]), "half-space normal: must not be zero, got only zeros"),
+        (lambda: HalfSpace([0, 0, 0], [0, np.nan, 0]), "half-space normal: must be finite, got nan at index 1"),
+        (lambda: HalfSpace([0, 0, "a"], [0, 0, 1]), "half-space point: must contain real numbers, got text"),
     ],
 )
 def test_what_is_no_obstacle_is_refused_with_name_wish_and_fact(make, message):
@@ -40,6 +45,9 @@ OBSTACLES = {
     "turned box": Box(TILT, [0.5, 0.2, 0.1]),
     "rectangle": Box([0.1, -0.2], [0.5, 0.2]),
     "turned rectangle": Box(Pose.planar(0.1, -0.2, 0.7), [0.5, 0.2]),
+    "half-space": HalfSpace([0.1, -0.2, 0.3], [1.0, -2.0, 2.0]),
+    "table": HalfSpace([0.0, 0.0, -0.1], [0.0, 0.0, 1.0]),
+    "vertical half-space": HalfSpace([0.1, -0.2], [-0.6, 0.8]),
 }
 every_obstacle = pytest.mark.parametrize("obstacle", OBSTACLES.values(), ids=OBSTACLES.keys())
 
@@ -56,6 +64,10 @@ def distance_of_points(obstacle, p):
         return np.linalg.norm(p[..., :2] - obstacle.center, axis=-1) - obstacle.radius
     if isinstance(obstacle, Sphere):
         return np.linalg.norm(p - obstacle.center, axis=-1) - obstacle.radius
+    if isinstance(obstacle, HalfSpace):  # the plane's equation, from its foot nearest to the origin
+        axes = len(obstacle.point)
+        foot = (obstacle.point @ obstacle.normal) * obstacle.normal
+        return np.einsum("...i,i->...", p[..., :axes] - foot, obstacle.normal)
     if isinstance(obstacle, Capsule):
         axis = obstacle.end - obstacle.start
         along = ((p - obstacle.start) @ axis / max(axis @ axis, 1e-300)).clip(0, 1)
@@ -137,6 +149,7 @@ def test_moving_obstacle_and_link_together_changes_nothing(
         (Capsule(first, last, radius), Capsule(move.apply(first), move.apply(last), radius)),
         (Box(pose, halves), Box(move @ pose, halves)),
         (Box(pose, halves[:2]), Box(move @ pose, halves[:2])),
+        (HalfSpace(first, pose.rotation[:, 2]), HalfSpace(move.apply(first), (move @ pose).rotation[:, 2])),
     ]
     for here, there in pairs:
         moved = signed_distance(there, move.apply(start), move.apply(end))
@@ -145,7 +158,7 @@ def test_moving_obstacle_and_link_together_changes_nothing(
 
 @given(points, points, st.floats(-50, 50), st.floats(-50, 50))
 def test_flat_obstacles_are_endless_along_z(start, end, up, down):
-    for obstacle in (OBSTACLES["circle"], OBSTACLES["turned rectangle"]):
+    for obstacle in (OBSTACLES[name] for name in ("circle", "turned rectangle", "vertical half-space")):
         lifted = signed_distance(obstacle, start + up * np.eye(3)[2], end + down * np.eye(3)[2])
         assert lifted == pytest.approx(signed_distance(obstacle, start, end), abs=1e-12)
 
@@ -170,3 +183,17 @@ def test_clearance_is_the_least_over_links_and_obstacles_less_the_radius():
     ]
     assert result.shape == (6, 11)
     np.testing.assert_allclose(result, np.min(each, axis=0), atol=1e-15)
+
+
+@given(points, points, st.floats(1e-290, 1e290), points)
+def test_a_half_space_depends_on_the_direction_of_its_normal_only(start, end, size, point):
+    plain, scaled = HalfSpace(point, [0.48, -0.6, 0.64]), HalfSpace(point, size * np.array([0.48, -0.6, 0.64]))
+    assert np.linalg.norm(scaled.normal) == pytest.approx(1.0, abs=1e-15)
+    assert signed_distance(scaled, start, end) == pytest.approx(signed_distance(plain, start, end), abs=1e-14)
+
+
+@given(points, points, points)
+def test_a_half_space_is_the_limit_of_large_boxes(start, end, point):
+    table = HalfSpace(point, [0.0, 0.0, 1.0])
+    box = Box(point - [0.0, 0.0, 1e3], [1e4, 1e4, 1e3])
+    assert signed_distance(table, start, end) == pytest.approx(signed_distance(box, start, end), abs=1e-9)

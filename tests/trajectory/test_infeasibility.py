@@ -43,7 +43,7 @@ def test_limits_that_clearly_contradict_the_path_are_named_by_joint_and_sample_o
 
 
 def test_an_obstacle_on_the_path_is_blamed_by_number_and_link():
-    with pytest.warns(RuntimeWarning, match=r"path: obstacle 2 \(circle\) is in its way: at sample \d+ .* link 3"):
+    with pytest.warns(RuntimeWarning, match=r"path: obstacle 2, a circle, is in its way: at sample \d+ .* link 3"):
         error = refusal(
             limits=pk.Limits(position=POSITION),
             obstacles=[pk.obstacles.Circle([1.0, 1.0], 0.1), pk.obstacles.Circle([0.3, 0.07], 0.03)],

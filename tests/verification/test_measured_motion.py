@@ -42,6 +42,8 @@ OBSTACLES = {
     "capsule": pk.obstacles.Capsule([0.0, 0.1, 0.2], [0.4, -0.3, 0.1], 0.2),
     "box": pk.obstacles.Box(TURNED, [0.2, 0.3, 0.4]),
     "beam": pk.obstacles.Box(TURNED, [0.2, 0.3]),
+    "half-space": pk.obstacles.HalfSpace([0.1, -0.2, 0.3], [1.0, 2.0, -2.0]),
+    "vertical half-space": pk.obstacles.HalfSpace([0.1, -0.2], [3.0, -4.0]),
 }
 
 

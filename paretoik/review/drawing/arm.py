@@ -13,34 +13,23 @@ import rerun.blueprint as rrb
 from jaxtyping import Float
 
 from paretoik.arrays import Vector3
-from paretoik.collision.obstacles import Capsule, Circle, Obstacle, Sphere
+from paretoik.collision.obstacles import Capsule, Circle, HalfSpace, Obstacle, Sphere
 from paretoik.review.drawing.axes import flat_lines, labels
 from paretoik.review.drawing.label_places import label_area, label_place
 from paretoik.review.drawing.space import ArmMeshes, Stage, find_meshes
-from paretoik.review.outlines import Polyline, outline
+from paretoik.review.outlines import SLAB, Polyline, feet, hatch, outline, plane_frame, plane_of, plane_polygon
 from paretoik.review.palette import MARKS, SCENES, SCREEN, VIEWS
 from paretoik.review.recording.messages import Workcell, in_space
+from paretoik.robot.pose import matrix_to_quaternion
 
 # Obstacles: hatched outlines in the plane, bodies in space.
 
 
-def hatch(corners: Polyline, *, gap: float) -> list[Float[np.ndarray, "2 2"]]:
-    """Return lines at 45 degrees, a ``gap`` apart, across the inside of a closed convex outline (corners, 2)."""
-    across, along = np.array([1.0, 1.0]) / np.sqrt(2), np.array([1.0, -1.0]) / np.sqrt(2)
-    start, end = corners[:-1], corners[1:]
-    first, last = start @ across, end @ across
-    lines = []
-    for level in np.arange(first.min() + 0.5 * gap, first.max(), gap):
-        crossed = (first <= level) != (last <= level)
-        share = ((level - first[crossed]) / (last - first)[crossed])[:, None]
-        met = start[crossed] + share * (end - start)[crossed]
-        if len(met) == 2:
-            lines.append(met[np.argsort(met @ along)])
-    return lines
-
-
 def bodies(obstacles: Sequence[Obstacle], low: Vector3, high: Vector3) -> list[Any]:
-    """Return obstacles in space as Rerun archetypes; unbounded ones reach beyond ``low`` and ``high``."""
+    """Return obstacles in space as Rerun archetypes.
+
+    Endless cylinders and beams reach beyond ``low`` and ``high``; half-spaces are slabs between these.
+    """
     style: dict[str, Any] = {"colors": SCREEN.obstacle_body, "fill_mode": rr.components.FillMode.Solid}
     length, drawn = 1.2 * float(np.linalg.norm(high - low)), list[Any]()
     for each in obstacles:
@@ -53,6 +42,18 @@ def bodies(obstacles: Sequence[Obstacle], low: Vector3, high: Vector3) -> list[A
             axis, radii = each.end - each.start, [each.radius]
             place: dict[str, Any] = {"translations": [each.start], "quaternions": [rr.Quaternion(xyzw=turn_of_z(axis))]}
             drawn.append(rr.Capsules3D(lengths=[float(np.linalg.norm(axis))], radii=radii, **place, **style))
+        elif isinstance(each, HalfSpace):
+            polygon = plane_polygon(each, (low, high))
+            if not len(polygon):
+                continue
+            _, normal = plane_of(each)
+            frame = np.array([*plane_frame(normal), normal])  # axes of the slab by rows
+            flat, depth = polygon @ frame.T, 0.5 * SLAB.depth * float(np.linalg.norm(high - low))
+            least, most = flat.min(axis=0), flat.max(axis=0)
+            half = np.append((most - least)[:2] / 2, depth / 2)
+            center = ((least + most) / 2 - [0.0, 0.0, depth / 2]) @ frame
+            turns = [rr.Quaternion(xyzw=np.roll(matrix_to_quaternion(frame.T), -1))]
+            drawn.append(rr.Boxes3D(centers=[center], half_sizes=[half], quaternions=turns, **style))
         else:
             sizes = each.half_sizes if len(each.half_sizes) == 3 else [*each.half_sizes, length / 2]
             turn = rr.Quaternion(xyzw=np.roll(each.pose.quaternion, -1))
@@ -60,8 +61,10 @@ def bodies(obstacles: Sequence[Obstacle], low: Vector3, high: Vector3) -> list[A
     return drawn
 
 
-def extent(obstacle: Obstacle) -> Float[np.ndarray, "corners 3"]:
-    """Return points [m] that enclose the bounded part of an obstacle."""
+def extent(obstacle: Obstacle, nodes: Float[np.ndarray, "nodes 3"]) -> Float[np.ndarray, "corners 3"]:
+    """Return points [m] that enclose the bounded part of an obstacle, or the part of a plane near ``nodes``."""
+    if isinstance(obstacle, HalfSpace):
+        return feet(obstacle, nodes)
     if isinstance(obstacle, Circle):
         return np.array([[*(obstacle.center + sign * obstacle.radius), 0.0] for sign in (-1, 1)])
     if isinstance(obstacle, Sphere):
@@ -105,7 +108,10 @@ class ArmDrawing:
         """Draw axes, base, obstacles, paths and places, for all times."""
         stage, cell, entity = self.stage, self.workcell, self.entity
         stage.log_axes(recording)
-        borders = [each for each in map(outline, cell.obstacles) if each is not None] if self.planar else []
+        borders = list[Polyline]()
+        if self.planar:
+            low, high = (np.append(corner, 0.0) for corner in (stage.canvas.low, stage.canvas.high))
+            borders = [line for each in cell.obstacles if (line := outline(each, (low, high))) is not None]
         if borders:
             gap = 9.0 * float(stage.canvas.high[0] - stage.canvas.low[0]) / stage.canvas.width
             lines = [in_space(line) for each in borders for line in hatch(each, gap=gap)]
@@ -183,17 +189,22 @@ class ArmDrawing:
         style = {"colors": [colour] * (nodes - 1) + [SCREEN.tool if solid else colour], "radii": sizes}
         points = stage.point_kind.from_fields(**style, **stage.order(order + 0.05))
         recording.log(f"{entity}/joints", points, static=True)
-        if solid and cell.link_radius and self.planar:
-            radius = stage.canvas.width / float(stage.canvas.high[0] - stage.canvas.low[0]) * cell.link_radius
-            style = {"colors": SCREEN.body, "radii": radius}
+        if solid and np.any(cell.link_radius) and self.planar:
+            # one line for links of one radius, otherwise a line per link
+            scale = stage.canvas.width / float(stage.canvas.high[0] - stage.canvas.low[0])
+            style = {"colors": SCREEN.body, "radii": scale * np.asarray(cell.link_radius)}
             recording.log(f"{entity}/body", stage.line_kind.from_fields(**style, **stage.order(2.0)), static=True)
-            parts.append(("body", stage.line_kind, strips, 1))
-        elif solid and cell.link_radius:  # translucent capsules, so that lines inside a link stay visible
-            style = {"colors": [SCREEN.hull], "radii": [cell.link_radius], "fill_mode": rr.components.FillMode.Solid}
-            recording.log(f"{entity}/body", rr.Capsules3D.from_fields(**style), static=True)
+            if isinstance(cell.link_radius, Sequence):
+                strips = {"strips": [row[link : link + 2] for row in placed for link in range(nodes - 1)]}
+            parts.append(("body", stage.line_kind, strips, nodes - 1 if isinstance(cell.link_radius, Sequence) else 1))
+        elif solid and np.any(cell.link_radius):  # translucent capsules, so that lines inside a link stay visible
             axes = np.diff(links, axis=1)
             lengths = np.linalg.norm(axes, axis=2)
             is_link = (lengths > SCENES.shortest * lengths.max()).any(axis=0)
+            sizes = np.broadcast_to(cell.link_radius, nodes - 1)[is_link]
+            sizes = sizes if isinstance(cell.link_radius, Sequence) else sizes[:1]
+            style = {"colors": [SCREEN.hull], "radii": sizes, "fill_mode": rr.components.FillMode.Solid}
+            recording.log(f"{entity}/body", rr.Capsules3D.from_fields(**style), static=True)
             capsules = {
                 "lengths": lengths[:, is_link].ravel(),
                 "translations": links[:, :-1][:, is_link].reshape(-1, 3),
@@ -267,7 +278,11 @@ class ArmDrawing:
     def _extent(self) -> np.ndarray:
         """Points (points, 3) [m] that must be visible."""
         cell = self.workcell
-        around = [each for each in map(extent, cell.obstacles) if self.planar or np.ptp(each, axis=0).all()]
+        around = list[np.ndarray]()
+        for each in cell.obstacles:
+            corners = extent(each, self.nodes)
+            if isinstance(each, HalfSpace) or self.planar or np.ptp(corners, axis=0).all():
+                around.append(corners)
         seen = [self.nodes, cell.arm.base.position[None], *cell.paths, *(place[None] for place in cell.places.values())]
         return np.concatenate([*seen, *around, self._arrow_ends])
 

@@ -166,7 +166,7 @@ class MotionScene:
         places = "important places" if len(cell.places) > 1 else next(iter(cell.places), "")
         return drawn_entries(
             (arm, SCREEN.arm, True),
-            ("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255), cell.link_radius),
+            ("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255), np.any(cell.link_radius)),
             ("its postures over time", SCREEN.ghost, moving),
             ("path of its tool", SCREEN.path, moving),
             (postures, SCREEN.ghost, postures and not moving),

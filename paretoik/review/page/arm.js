@@ -140,15 +140,17 @@ function drawArm() {
       { stroke: colour(0), "stroke-width": 2 },
     );
   view.place = place;
-  view.thickness = Math.max(2 * scene.radius * scaleOf(place), 4);
-  view.links = svgTag("polyline", {
-    fill: "none",
-    stroke: data.colours.ink,
-    "stroke-width": view.thickness,
-    "stroke-opacity": scene.radius > 0 ? 0.55 : 1,
-    "stroke-linecap": "round",
-    "stroke-linejoin": "round",
-  });
+  // one line for links of one radius, otherwise a line per link
+  view.links = [scene.radius].flat().map((radius) =>
+    svgTag("polyline", {
+      fill: "none",
+      stroke: data.colours.ink,
+      "stroke-width": Math.max(2 * radius * scaleOf(place), 4),
+      "stroke-opacity": radius > 0 ? 0.55 : 1,
+      "stroke-linecap": "round",
+      "stroke-linejoin": "round",
+    }),
+  );
   view.joints = Array.from({ length: scene.nodes }, (_, node) =>
     svgTag("circle", {
       r: node === scene.nodes - 1 ? 5 : 4,
@@ -157,7 +159,7 @@ function drawArm() {
       "stroke-width": 1.5,
     }),
   );
-  svg.append(view.links, ...view.joints, ...drawArrows(place));
+  svg.append(...view.links, ...view.joints, ...drawArrows(place));
   if (!scene.planar) svg.addEventListener("pointerdown", turn);
   byId("arm").replaceChildren(svg);
   moveArm(view.sample);
@@ -195,7 +197,10 @@ function drawArrows(place) {
 function moveArm(sample) {
   view.sample = sample;
   const spots = nodesAt(sample).map(view.place);
-  view.links.setAttribute("points", spots.map((spot) => spot.map((value) => value.toFixed(1)).join(",")).join(" "));
+  view.links.forEach((line, link) => {
+    const ends = view.links.length > 1 ? spots.slice(link, link + 2) : spots;
+    line.setAttribute("points", ends.map((spot) => spot.map((value) => value.toFixed(1)).join(",")).join(" "));
+  });
   view.joints.forEach((joint, node) => {
     joint.setAttribute("cx", spots[node][0]);
     joint.setAttribute("cy", spots[node][1]);

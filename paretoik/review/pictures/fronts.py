@@ -211,12 +211,13 @@ def draw_jumps(axes: Axes, front: Front) -> None:
 def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> None:
     """Draw a single `motion`: obstacles, tool path, and some postures, later ones darker."""
     size = 2 if motion.arm.is_planar else 3
+    seen = motion.links[..., :size].reshape(-1, size)
     if size == 2:
-        for line in obstacle_lines(motion.obstacles, None):
+        for line in obstacle_lines(motion.obstacles, None, seen):
             axes.fill(*line.T, facecolor=PAPER.quiet, alpha=0.5, linewidth=0.0)
     else:  # unbounded obstacles have the arm's height
         height = (min(0.0, float(motion.links[..., 2].min())), float(motion.links[..., 2].max()))
-        for wire in obstacle_lines(motion.obstacles, height):
+        for wire in obstacle_lines(motion.obstacles, height, seen):
             axes.plot(*wire.T, color=PAPER.quiet, linewidth=0.6, alpha=0.8)
     links, tool = motion.links[..., :size], motion.tool[..., :size]
     picked = even_rows(len(links), PAPER.postures)

@@ -13,7 +13,7 @@ from jaxtyping import Float, Int, Shaped
 from paretoik.arrays import Times, Values
 from paretoik.capability.directional import PerformancePolygon
 from paretoik.capability.joint_capability import Quantity, joint_speeds, torque_capacity
-from paretoik.collision.obstacles import Obstacle, clearance
+from paretoik.collision.obstacles import LinkRadius, Obstacle, clearance
 from paretoik.formulations.protocol import task_of
 from paretoik.front.choice import Choice
 from paretoik.front.front import Front
@@ -37,7 +37,7 @@ class Workcell:
     paths: paths that frames of the arm must follow, each (time, 3) [m]
     places: other important places (3,) [m], by name
     directions: unit vectors (directions, 3) that begin at the first place
-    link_radius: radius of every link [m]
+    link_radius: radius of every link [m], or a tuple of one per link
     bounds: limits (1 or time, dof, 2) by kind
     times: times of limits that vary [s]
     differences, cyclic, ends_at_rest: as in ``Motion``
@@ -48,7 +48,7 @@ class Workcell:
     places: Mapping[str, Float[np.ndarray, " 3"]] = field(default_factory=dict)
     directions: Float[np.ndarray, "directions 3"] = field(default_factory=lambda: np.zeros((0, 3)))
     obstacles: tuple[Obstacle, ...] = ()
-    link_radius: float = 0.0
+    link_radius: LinkRadius = 0.0
     bounds: Mapping[str, Bounds] = field(default_factory=dict)
     times: Times = field(default_factory=lambda: np.zeros(0))
     differences: Differences = "backward"
@@ -63,7 +63,7 @@ def workcell_of(problem: Any) -> Workcell | None:
         paths = tuple(in_space(each.path.positions) for each in task.tasks)
         same = ("arm", "bounds", "times", "differences", "cyclic", "ends_at_rest")
         kept = {name: getattr(task, name) for name in same}
-        return Workcell(paths=paths, obstacles=tuple(task.obstacles), link_radius=float(task.link_radius), **kept)
+        return Workcell(paths=paths, obstacles=tuple(task.obstacles), link_radius=task.link_radius, **kept)
     arm = getattr(problem, "arm", None)
     if not isinstance(arm, Arm):
         return None
