@@ -29,7 +29,8 @@ class CoverOptions:
     ratio: volume of the hulls over that of the mesh below which no cut is made
     pieces: largest number of hulls
     gain: smallest gain of a cut, as a share of the mesh's volume
-    offsets: planes per direction
+    offsets: planes per direction at equal distances
+    flats: planes per direction in the largest flat faces across it
     samples: points of a piece's surface with which planes are compared
     best: planes whose cuts are computed exactly
     refinements: halvings of the distance between planes around the best one
@@ -41,8 +42,9 @@ class CoverOptions:
     pieces: int = 4
     gain: float = 0.01
     offsets: int = 11
+    flats: int = 3
     samples: int = 600
-    best: int = 3
+    best: int = 10
     refinements: int = 3
     seed: int = 0
 
@@ -129,9 +131,13 @@ def cover(mesh: TriangleMesh) -> list[Hull]:
 def _best_cut(part: _Part) -> list[_Part] | None:
     """Return the two sides of the plane with the least volume of both hulls, None if no plane cuts.
 
-    The planes are along the axes and the principal axes. They are compared by samples of the surface first; the best
+    The planes are across the axes and the principal axes. They are compared by samples of the surface first; the best
     ones are computed exactly, and moved.
     """
+    crosses = np.cross(
+        part.triangles[:, 1] - part.triangles[:, 0], part.triangles[:, 2] - part.triangles[:, 0]
+    )  # twice the areas, along the normals
+    areas, centres = np.linalg.norm(crosses, axis=1), part.triangles.mean(axis=1)
     points = np.concatenate([surface_samples(part.triangles, OPTIONS.samples), part.hull.vertices])
     principal = np.linalg.eigh(np.cov(points.T))[1].T
     fractions = np.arange(1, OPTIONS.offsets + 1) / (OPTIONS.offsets + 1)
@@ -140,21 +146,27 @@ def _best_cut(part: _Part) -> list[_Part] | None:
         heights = points @ normal
         low, high = heights.min(), heights.max()
         step = (high - low) / (OPTIONS.offsets + 1)
-        for offset in low + fractions * (high - low):
+        flat = np.abs(crosses @ normal) > 0.999 * areas
+        levels, group = np.unique(np.round((centres[flat] @ normal - low) / (high - low), 6), return_inverse=True)
+        largest = np.argsort(-np.bincount(group.reshape(-1), weights=areas[flat]))
+        inner = [level for level in levels[largest] if 0.01 < level < 0.99][: OPTIONS.flats]
+        for offset in low + np.append(inner, fractions) * (high - low):
             sides = points[heights <= offset], points[heights >= offset]
             planes.append((sum(map(_hull_volume, sides)), normal, float(offset), float(step)))
     planes.sort(key=lambda plane: plane[0])
-    best, least = None, np.inf
-    for _, normal, offset, step in planes[: OPTIONS.best]:
-        sizes = [0.0, *(sign * step / 2**level for level in range(1, OPTIONS.refinements + 1) for sign in (1, -1))]
-        centre = offset
-        for move in sizes:
-            halves = _cut(part, normal, centre + move)
-            volume = np.inf if halves is None else sum(half.hull.volume for half in halves)
-            if volume < least:
-                best, least, offset = halves, volume, centre + move
-            if move < 0:  # both directions of this size were tried
-                centre = offset
+
+    def cut(normal: Vector3, offset: float) -> tuple[float, float, list[_Part] | None]:
+        """Return the volume of both hulls, the offset, and both sides."""
+        halves = _cut(part, normal, offset)
+        return (np.inf if halves is None else sum(half.hull.volume for half in halves)), offset, halves
+
+    found = [(*cut(normal, offset), normal, step) for _, normal, offset, step in planes[: OPTIONS.best]]
+    least, offset, best, normal, step = min(found, key=lambda each: each[0])
+    for _ in range(OPTIONS.refinements):
+        step /= 2
+        moved = min((cut(normal, offset + sign * step) for sign in (1, -1)), key=lambda each: each[0])
+        if moved[0] < least:
+            least, offset, best = moved
     return best
 
 
@@ -194,7 +206,7 @@ def _cut(part: _Part, normal: Vector3, offset: float) -> list[_Part] | None:
     return sides
 
 
-def clip(triangles: Triangles, normal: Vector3, offset: float) -> Triangles:
+def clip(triangles: Triangles, normal: Vector3, offset: float) -> Float[np.ndarray, "clipped 3 3"]:
     """Return the part of a closed surface on the side x · normal ≤ offset of a plane, closed in the plane."""
     heights = triangles @ normal - offset
     heights[np.abs(heights) <= 1e-12 * np.abs(triangles).max()] = 0.0
@@ -297,7 +309,7 @@ def _cover_bytes(made: Cover) -> bytes:
 def _read_cover(place: Path, digest: str) -> Cover | None:
     """Return a cover from the cache, None if there is no complete one."""
     try:
-        with np.load(place, allow_pickle=False) as stored:
+        with np.load(BytesIO(place.read_bytes()), allow_pickle=False) as stored:
             about = json.loads(str(stored["text"]))
             hulls = tuple(
                 Hull(vertices=read_only(stored[f"vertices{number}"]), faces=read_only(stored[f"faces{number}"]))

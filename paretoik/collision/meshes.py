@@ -146,9 +146,13 @@ def _check_content(name: str, data: bytes, ending: str) -> None:
     triangles = 0
     if ending == ".obj":
         triangles = data.count(b"\nf ") + data.count(b"\nf\t")
-    elif ending == ".stl" and len(data) > 84:
-        triangles = int.from_bytes(data[80:84], "little") if len(data) % 50 == 84 % 50 else data.count(b"endfacet")
-        triangles = min(triangles, len(data) // 50)
+    elif ending == ".stl" and b"facet" in data:
+        triangles = data.count(b"endfacet")
+    elif ending == ".stl":
+        triangles = int.from_bytes(data[80:84], "little")
+        if len(data) != 84 + 50 * triangles:
+            wish = f"{84 + 50 * triangles:,} bytes, as its header has {triangles:,} triangles"
+            raise InvalidInput(f"{name} must be an STL file with facets or with {wish}, got {len(data):,} bytes")
     elif ending == ".dae":
         head = data[:200].lstrip(b"\xef\xbb\xbf \t\r\n")
         encoding = re.search(rb"""<\?xml[^>]*encoding\s*=\s*["']([\w.-]+)["']""", head)

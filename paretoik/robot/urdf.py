@@ -289,7 +289,7 @@ def check_robot(
     warnings, table = [*robot.warnings, *notices, *find_zero_limits(chain)], list[tuple[str, ...]]()
     if collision:
         geometry, wrong, said = _read_geometry(robot, chain, file, packages)
-        faults, warnings = (*faults, *wrong), [*warnings, *said]
+        faults, warnings = _in_order((*faults, *wrong)), [*warnings, *said]
         if not wrong:
             table = HANDED_DOWN["body_table"](geometry, [joint.name for joint in chain.moving])
     return RobotReport(
@@ -322,7 +322,7 @@ def read_chain(
     arm, faults, notices = _build_arm(robot, chain, repair_inertias)
     geometry, wrong, said = _read_geometry(robot, chain, file, packages) if collision else (None, [], [])
     if arm is None or wrong:
-        raise InvalidRobot(str(file), [*faults, *wrong])
+        raise InvalidRobot(str(file), _in_order((*faults, *wrong)))
     if zero_limits is None and (zeros := find_zero_limits(chain)):
         raise InvalidInput(f"{file}: {'; '.join(zeros)}")
     notices = (*robot.warnings, *notices, *said)
@@ -342,6 +342,11 @@ def _read_geometry(
     if geometry.silent:
         notices.append(f"links with visuals only collide with nothing: {listed(geometry.silent)}")
     return geometry, list(list_messages(faults)), notices
+
+
+def _in_order(messages: Collection[str]) -> tuple[str, ...]:
+    """Return messages that begin with their line in the order of lines."""
+    return tuple(sorted(messages, key=lambda message: int(message.partition(":")[0].removeprefix("line "))))
 
 
 def _check_options(

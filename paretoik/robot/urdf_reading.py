@@ -417,12 +417,11 @@ def _read_shape(link: str, element: Element, reader: _Reader) -> ShapeDescriptio
     scale: Numbers = (1.0, 1.0, 1.0)
     for attribute, count in SIZES[part.tag].items():
         values = reader.numbers(part, attribute, count=count) or ()
+        wish = f"{part.tag} {attribute} must be"
         if values and min(values) <= 0:
-            reader.fault(part, f"{part.tag} {attribute} must be positive, got {min(values):g} m")
+            reader.fault(part, f"{wish} positive, got {min(values):g} m")
         elif values and max(values) > OPTIONS.largest_shape:
-            reader.fault(
-                part, f"{part.tag} {attribute} must be at most {OPTIONS.largest_shape:g} m, got {max(values):g}"
-            )
+            reader.fault(part, f"{wish} at most {OPTIONS.largest_shape:g} m, got {max(values):g} m")
         sizes += values
     if part.tag == "mesh":
         file = part.attributes.get("filename", "")
