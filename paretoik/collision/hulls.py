@@ -31,7 +31,7 @@ class CoverOptions:
     gain: smallest gain of a cut, as a share of the mesh's volume
     offsets: planes per direction at equal distances
     flats: planes per direction in the largest flat faces across it
-    samples: points of a piece's surface with which planes are compared
+    samples: edges of a part with which planes are compared
     best: planes whose cuts are computed exactly
     refinements: halvings of the distance between planes around the best one
     seed: seed of the samples
@@ -43,8 +43,8 @@ class CoverOptions:
     gain: float = 0.01
     offsets: int = 11
     flats: int = 3
-    samples: int = 600
-    best: int = 10
+    samples: int = 2000
+    best: int = 5
     refinements: int = 3
     seed: int = 0
 
@@ -131,28 +131,26 @@ def cover(mesh: TriangleMesh) -> list[Hull]:
 def _best_cut(part: _Part) -> list[_Part] | None:
     """Return the two sides of the plane with the least volume of both hulls, None if no plane cuts.
 
-    The planes are across the axes and the principal axes. They are compared by samples of the surface first; the best
-    ones are computed exactly, and moved.
+    The planes are across the axes and the principal axes. They are compared by samples of edges first; the best ones
+    are computed exactly, and the very best one is moved.
     """
-    crosses = np.cross(
-        part.triangles[:, 1] - part.triangles[:, 0], part.triangles[:, 2] - part.triangles[:, 0]
-    )  # twice the areas, along the normals
-    areas, centres = np.linalg.norm(crosses, axis=1), part.triangles.mean(axis=1)
-    points = np.concatenate([surface_samples(part.triangles, OPTIONS.samples), part.hull.vertices])
-    principal = np.linalg.eigh(np.cov(points.T))[1].T
+    triangles = part.triangles
+    crosses = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])  # twice areas, × normals
+    areas, centres = np.linalg.norm(crosses, axis=1), triangles.mean(axis=1)
+    edges = _edge_samples(triangles)
+    principal = np.linalg.eigh(np.cov(centres.T, aweights=areas))[1].T
     fractions = np.arange(1, OPTIONS.offsets + 1) / (OPTIONS.offsets + 1)
     planes = list[tuple[float, Vector3, float, float]]()
     for normal in (*np.eye(3), *principal):
-        heights = points @ normal
+        ends, heights = edges @ normal, part.hull.vertices @ normal
         low, high = heights.min(), heights.max()
-        step = (high - low) / (OPTIONS.offsets + 1)
         flat = np.abs(crosses @ normal) > 0.999 * areas
         levels, group = np.unique(np.round((centres[flat] @ normal - low) / (high - low), 6), return_inverse=True)
         largest = np.argsort(-np.bincount(group.reshape(-1), weights=areas[flat]))
         inner = [level for level in levels[largest] if 0.01 < level < 0.99][: OPTIONS.flats]
         for offset in low + np.append(inner, fractions) * (high - low):
-            sides = points[heights <= offset], points[heights >= offset]
-            planes.append((sum(map(_hull_volume, sides)), normal, float(offset), float(step)))
+            volume = sum(_hull_volume(_side_points(edges, sign * (ends - offset))) for sign in (1, -1))
+            planes.append((volume, normal, float(offset), (high - low) / (OPTIONS.offsets + 1)))
     planes.sort(key=lambda plane: plane[0])
 
     def cut(normal: Vector3, offset: float) -> tuple[float, float, list[_Part] | None]:
@@ -168,6 +166,31 @@ def _best_cut(part: _Part) -> list[_Part] | None:
         if moved[0] < least:
             least, offset, best = moved
     return best
+
+
+def _edge_samples(triangles: Triangles) -> Float[np.ndarray, "edges 2 3"]:
+    """Return the edges of closed triangles, each once; random ones if there are many."""
+    edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 3)
+    one_way = (edges @ np.array([1.0, np.e, np.pi])) @ np.array([1.0, -1.0]) < 0
+    edges = edges[one_way]
+    if len(edges) > OPTIONS.samples:
+        edges = np.random.default_rng(OPTIONS.seed).choice(edges, OPTIONS.samples, replace=False)
+    return edges
+
+
+def _side_points(
+    edges: Float[np.ndarray, "edges 2 3"], heights: Float[np.ndarray, "edges 2"]
+) -> Float[np.ndarray, "points 3"]:
+    """Return the ends of the parts of edges that are below a plane; edges in the plane have none."""
+    below = heights.min(axis=1) < -1e-9 * np.abs(heights).max()
+    edges, heights = edges[below], heights[below]
+    rising, falling = heights[:, 1] > 0, heights[:, 0] > 0
+    share = np.divide(heights[:, 0], heights[:, 0] - heights[:, 1], out=np.zeros(len(edges)), where=rising | falling)
+    middle = edges[:, 0] + share[:, None] * (edges[:, 1] - edges[:, 0])
+    points = np.concatenate(
+        [np.where(falling[:, None], middle, edges[:, 0]), np.where(rising[:, None], middle, edges[:, 1])]
+    )
+    return np.unique(points, axis=0)
 
 
 def surface_samples(triangles: Triangles, count: int) -> Float[np.ndarray, "samples 3"]:
