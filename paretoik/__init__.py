@@ -31,6 +31,21 @@ def _show_choice(*arguments: Any, **named: Any) -> Any:
     return show_choice_in_recording(*arguments, **named)
 
 
+def _link_bodies(*arguments: Any, **named: Any) -> Any:
+    """Return the convex bodies of a URDF's links, and the faults of their shapes."""
+    from .collision.bodies import link_bodies
+
+    return link_bodies(*arguments, **named)
+
+
+def _body_table(*arguments: Any, **named: Any) -> Any:
+    """Return a table of a robot's convex bodies."""
+    from .collision.bodies import body_table
+
+    return body_table(*arguments, **named)
+
+
 _HANDED_DOWN.update(keep_path=_keep_path, open_view=_open_view, show_choice=_show_choice)
+_HANDED_DOWN.update(link_bodies=_link_bodies, body_table=_body_table)
 __version__ = "0.1.0"
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -48,6 +48,7 @@ from paretoik.cli.results import compare, export, report, show, verify
 from paretoik.compilation_notices import list_compiled, print_line
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.front.front import Front
+from paretoik.inputs import shown
 from paretoik.runs.files import RUN, read_run
 from paretoik.tables import SCREEN, columns, wrap_text
 
@@ -62,19 +63,36 @@ def check_robot(
     repair_inertias: Annotated[
         bool, typer.Option("--repair-inertias", help="Replace impossible inertias by the nearest possible ones.")
     ] = False,
+    collision: Annotated[bool, typer.Option("--collision", help="Show the convex bodies of all links.")] = False,
+    package: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=FOLDER", help="Folder of a package with meshes, with --collision.")
+    ] = None,
     as_json: JsonFlag = False,
 ) -> None:
     """List the faults of a URDF file and the arm it describes.
 
     The arm is that of Arm.from_urdf. Similar warnings share one line, and long lists are cut; --json has every fault
-    and every warning.
+    and every warning. Convex bodies have one row per link: how far they are outside the link's shapes, and their volume
+    over that of the shapes.
     """
     from paretoik.robot.urdf import check_robot as check
     from paretoik.robot.urdf import report_text
 
-    report = check(file, base, tip, soft=soft, repair_inertias=repair_inertias)
+    folders = dict[str, str | Path]()
+    for each in package or ():
+        name, separator, folder = each.partition("=")
+        if not (name and separator and folder):
+            raise InvalidInput(f"--package must be NAME=FOLDER, got {shown(each)}")
+        folders[name] = Path(folder)
+    report = check(
+        file, base, tip, soft=soft, repair_inertias=repair_inertias, collision=collision, packages=folders or None
+    )
     if as_json:
-        print_json({"summary": report.summary, "warnings": report.warnings, "faults": report.faults})
+        said: dict[str, Any] = {"summary": report.summary, "warnings": report.warnings, "faults": report.faults}
+        if collision:
+            names, *rows = report.collision or ((),)
+            said["collision"] = [dict(zip(names, row, strict=True)) for row in rows]
+        print_json(said)
     else:
         print_text(wrap_text(report_text(report), get_terminal_size((SCREEN.width, SCREEN.lines)).columns))
     if report.faults:

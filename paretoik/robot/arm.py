@@ -60,6 +60,7 @@ class Arm(SerialChain):
     frames: named frames on the arm
     source, source_digest: URDF that the arm comes from, and the SHA-256 of that file
     notices: parts of the URDF that the arm lacks, such as frozen joints
+    geometry: convex bodies of all links, None unless it is read from a URDF with ``collision=True``
 
     Every constructor, and every method that returns an arm, raises InvalidInput for impossible values.
     """
@@ -186,16 +187,23 @@ class Arm(SerialChain):
         zero_limits: Literal["unlimited"] | None = None,
         soft: bool = False,
         repair_inertias: bool = False,
+        collision: bool = False,
+        packages: Mapping[str, str | Path] | None = None,
     ) -> Arm:
         """Return the arm between two links of a URDF.
 
-        file: path of the URDF; its meshes are never opened
+        file: path of the URDF; its meshes are opened only with ``collision=True``
         base: first link of the chain, None for the root
         tip: last link of the chain, None for the only leaf below the base
         fixed: values [rad, m] of joints that are frozen, by name; joints off the chain are frozen at 0
         zero_limits: "unlimited" to ignore limits of 0 on velocity, effort, acceleration or jerk
         soft: True to narrow position limits to those of the file's safety controllers
         repair_inertias: True to replace an impossible inertia by the nearest one of a real body (see ``notices``)
+        collision: True to read the collision shapes of all links into ``geometry``; meshes become convex hulls
+        packages: folders by package, for meshes named ``package://NAME/...``
+
+        Meshes in other folders than the URDF's and those of ``packages`` are never opened. The whole robot counts, the
+        links off the chain at the values of their frozen joints.
 
         Positions and poses are given in the base link; gravity points down in the world of the file's root. Links are
         merged with the bodies that are fixed to them, and joints that mimic a frozen one are frozen too. The file is
@@ -211,6 +219,8 @@ class Arm(SerialChain):
             zero_limits=zero_limits,
             soft=soft,
             repair_inertias=repair_inertias,
+            collision=collision,
+            packages=packages,
         )
         return cls(**{each.name: getattr(chain, each.name) for each in fields(chain)})
 

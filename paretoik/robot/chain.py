@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -19,6 +19,18 @@ from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.pose import Frame, Pose
 
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
+
+
+@runtime_checkable
+class LinkGeometry(Protocol):
+    """Collision geometry of a robot's links; ``paretoik.collision.bodies.Bodies`` implements it."""
+
+    def with_fixed_joint(self, joint: int, motion: Pose) -> LinkGeometry:
+        """Return the geometry of the arm whose joint with this index is frozen.
+
+        motion: pose of the joint's frame, at its frozen value, in the frame before it
+        """
+        ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,6 +55,7 @@ class SerialChain:
     source: Path | None = None
     source_digest: str | None = None
     notices: tuple[str, ...] = ()
+    geometry: LinkGeometry | None = None
 
     def __post_init__(self) -> None:
         """Check names, types and limits; make the arrays read-only."""
@@ -140,6 +153,7 @@ def fix_joint(arm: AnyChain, joint: str, value: float) -> AnyChain:
         bodies=tuple(bodies),
         tool=tool,
         frames=frames,
+        geometry=None if arm.geometry is None else arm.geometry.with_fixed_joint(i, fixed),
         **limits,
     )
 

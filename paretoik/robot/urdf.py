@@ -15,6 +15,7 @@ import numpy as np
 
 from paretoik.arrays import Matrix3
 from paretoik.errors import InvalidInput, InvalidRobot
+from paretoik.handed_down import HANDED_DOWN
 from paretoik.inputs import (
     check_choice,
     check_flag,
@@ -28,7 +29,7 @@ from paretoik.inputs import (
 )
 from paretoik.robot.arm_arguments import JOINT_TYPES, JointType
 from paretoik.robot.body import Body, combine_bodies, inertia_fault, nearest_inertia, transform_body
-from paretoik.robot.chain import EARTH_GRAVITY, SerialChain, joint_motion
+from paretoik.robot.chain import EARTH_GRAVITY, LinkGeometry, SerialChain, joint_motion
 from paretoik.robot.pose import Frame, Pose
 from paretoik.robot.urdf_description import (
     ORIGIN,
@@ -41,7 +42,7 @@ from paretoik.robot.urdf_description import (
     shorten_list,
 )
 from paretoik.robot.urdf_reading import read_robot
-from paretoik.tables import fit_screen, html_representation
+from paretoik.tables import columns, fit_screen, html_representation
 
 # The chain of a URDF that becomes an arm.
 
@@ -212,12 +213,16 @@ def _sort_faults(
 
 @dataclass(frozen=True, kw_only=True)
 class RobotReport:
-    """Faults, warnings and summary of a URDF. Warnings are about parts that load but may have unexpected effects."""
+    """Faults, warnings, summary and collision bodies of a URDF.
+
+    Warnings are about parts that load but may have unexpected effects.
+    """
 
     file: Path
     faults: tuple[str, ...]
     warnings: tuple[str, ...]
     summary: tuple[str, ...]
+    collision: tuple[tuple[str, ...], ...] = ()  # table of the convex bodies of each link, its columns' names first
 
     def __repr__(self) -> str:
         return fit_screen(report_text(self))
@@ -227,7 +232,8 @@ class RobotReport:
 
 def report_text(report: RobotReport) -> str:
     """Return the summary, grouped warnings and faults of a URDF, one message per line."""
-    lines = [*report.summary, *(f"warning: {line}" for line in shorten_list(group_messages(report.warnings)))]
+    lines = [*report.summary, *(columns(report.collision).splitlines() if report.collision else ())]
+    lines += [f"warning: {line}" for line in shorten_list(group_messages(report.warnings))]
     lines += [f"fault: {line}" for line in shorten_list(report.faults)] or ["no faults"]
     return "\n".join(lines)
 
@@ -240,17 +246,19 @@ def check_robot(
     fixed: Mapping[str, float] | None = None,
     soft: bool = False,
     repair_inertias: bool = False,
+    collision: bool = False,
+    packages: Mapping[str, str | Path] | None = None,
 ) -> RobotReport:
     """Return a report on a URDF: its chain and its faults.
 
-    file, base, tip, fixed, soft, repair_inertias: arguments as for ``Arm.from_urdf``
+    file, base, tip, fixed, soft, repair_inertias, collision, packages: arguments as for ``Arm.from_urdf``
 
     The faults are those for which ``Arm.from_urdf`` would refuse the file. Without ``tip``, if the base has several
-    leaves, only faults common to all tips are listed. Meshes are never opened. Raises InvalidInput for a missing file,
-    and for links and joints that the robot does not have.
+    leaves, only faults common to all tips are listed. Meshes are opened only with ``collision=True``. Raises
+    InvalidInput for a missing file, and for links and joints that the robot does not have.
     """
     file = file_path("file", file)
-    fixed = _check_options(fixed, soft, repair_inertias)
+    fixed = _check_options(fixed, soft, repair_inertias, collision, packages)
     for name, link in (("base", base), ("tip", tip)):
         if link is not None:
             check_text(name, link)
@@ -278,8 +286,15 @@ def check_robot(
         summary.append(f"chain {chain.base} to {chain.tip}: {len(chain.moving)} moving joints")
         summary += [f"  {joint.text}" for joint in chain.moving]
         _, faults, notices = _build_arm(robot, chain, repair_inertias)
-    warnings = (*robot.warnings, *notices, *find_zero_limits(chain))
-    return RobotReport(file=file, faults=faults, warnings=warnings, summary=tuple(summary))
+    warnings, table = [*robot.warnings, *notices, *find_zero_limits(chain)], list[tuple[str, ...]]()
+    if collision:
+        geometry, wrong, said = _read_geometry(robot, chain, file, packages)
+        faults, warnings = _in_order((*faults, *wrong)), [*warnings, *said]
+        if not wrong:
+            table = HANDED_DOWN["body_table"](geometry, [joint.name for joint in chain.moving])
+    return RobotReport(
+        file=file, faults=faults, warnings=tuple(warnings), summary=tuple(summary), collision=tuple(table)
+    )
 
 
 def read_chain(
@@ -291,30 +306,63 @@ def read_chain(
     zero_limits: Literal["unlimited"] | None = None,
     soft: bool = False,
     repair_inertias: bool = False,
+    collision: bool = False,
+    packages: Mapping[str, str | Path] | None = None,
 ) -> SerialChain:
     """Return the data of the arm between two links of a URDF; see ``Arm.from_urdf``.
 
     Raises InvalidRobot listing every fault, InvalidInput for unknown names or zero limits.
     """
     check_choice("zero_limits", zero_limits, (None, "unlimited"))
-    fixed = _check_options(fixed, soft, repair_inertias)
+    fixed = _check_options(fixed, soft, repair_inertias, collision, packages)
     robot = read_robot(file)
     if robot.faults:
         raise InvalidRobot(str(file), robot.faults)
     chain = select_chain(str(file), robot, base, tip, fixed, soft=soft)
     arm, faults, notices = _build_arm(robot, chain, repair_inertias)
-    if arm is None:
-        raise InvalidRobot(str(file), faults)
+    geometry, wrong, said = _read_geometry(robot, chain, file, packages) if collision else (None, [], [])
+    if arm is None or wrong:
+        raise InvalidRobot(str(file), _in_order((*faults, *wrong)))
     if zero_limits is None and (zeros := find_zero_limits(chain)):
         raise InvalidInput(f"{file}: {'; '.join(zeros)}")
-    return replace(arm, source=file, source_digest=robot.digest, notices=(*robot.warnings, *notices))
+    notices = (*robot.warnings, *notices, *said)
+    return replace(arm, source=file, source_digest=robot.digest, notices=notices, geometry=geometry)
 
 
-def _check_options(fixed: Mapping[str, float] | None, soft: bool, repair_inertias: bool) -> dict[str, float]:
+def _read_geometry(
+    robot: RobotDescription, chain: Chain, file: Path, packages: Mapping[str, str | Path] | None
+) -> tuple[LinkGeometry, list[str], list[str]]:
+    """Return the collision geometry of a robot, the faults of its shapes, and notices."""
+    try:
+        frames, _ = _place_links(chain)
+    except InvalidInput:  # an offset that is too large, which is a fault of the arm
+        frames = {}
+    geometry, faults = HANDED_DOWN["link_bodies"](robot, frames, file, packages)
+    notices = list(geometry.notes)
+    if geometry.silent:
+        notices.append(f"links with visuals only collide with nothing: {listed(geometry.silent)}")
+    return geometry, list(list_messages(faults)), notices
+
+
+def _in_order(messages: Collection[str]) -> tuple[str, ...]:
+    """Return messages that begin with their line in the order of lines."""
+    return tuple(sorted(messages, key=lambda message: int(message.partition(":")[0].removeprefix("line "))))
+
+
+def _check_options(
+    fixed: Mapping[str, float] | None,
+    soft: bool,
+    repair_inertias: bool,
+    collision: bool,
+    packages: Mapping[str, str | Path] | None,
+) -> dict[str, float]:
     if fixed is not None:
         check_mapping("fixed", fixed, "values by joint", example="{'joint1': 0.3}")
     check_flag("soft", soft)
     check_flag("repair_inertias", repair_inertias)
+    check_flag("collision", collision)
+    if packages is not None and not collision:
+        raise InvalidInput("collision must be True if packages are given, got False")
     return dict(fixed or {})
 
 

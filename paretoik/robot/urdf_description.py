@@ -20,11 +20,33 @@ Fault: TypeAlias = tuple[int, str]
 ORIGIN = Pose(np.zeros(3))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ShapeDescription:
+    """A collision shape of a link, as the file describes it.
+
+    link: name of the link
+    kind: "box", "cylinder", "sphere", "capsule" or "mesh"
+    sizes: lengths [m]: sides of a box; otherwise the radius, then the length along z, of a capsule without its caps
+    file: file of a mesh as the URDF names it, "" for other shapes
+    scale: factors along a mesh's own axes, which may be negative
+    pose: pose of the shape on the link
+    line: line of the URDF
+    """
+
+    link: str
+    kind: str
+    sizes: Numbers = ()
+    file: str = ""
+    scale: Numbers = (1.0, 1.0, 1.0)
+    pose: Pose = ORIGIN
+    line: int = 1
+
+
 @dataclass(frozen=True, kw_only=True)
 class LinkDescription:
-    """A link: mass [kg], inertial frame, and inertia in this frame.
+    """A link: mass [kg], inertial frame, inertia in this frame, and collision shapes.
 
-    The inertial frame is a pose on the link.
+    The inertial frame is a pose on the link. Faults and warnings of shapes matter only if shapes are used.
     """
 
     name: str
@@ -33,6 +55,10 @@ class LinkDescription:
     inertia: Matrix3 = field(default_factory=lambda: np.zeros((3, 3)))  # kg m²
     inertia_fault: Fault | None = None  # reason why no real body has this inertia
     faults: tuple[Fault, ...] = ()  # other faults; a link that has any gets no mass
+    shapes: tuple[ShapeDescription, ...] = ()
+    has_visuals: bool = False
+    shape_faults: tuple[Fault, ...] = ()
+    shape_warnings: tuple[Fault, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

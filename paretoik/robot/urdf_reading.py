@@ -29,6 +29,7 @@ from paretoik.robot.urdf_description import (
     LinkDescription,
     Numbers,
     RobotDescription,
+    ShapeDescription,
     list_messages,
 )
 
@@ -93,7 +94,9 @@ def _find_loops(
 
 
 PARTS = ("link", "joint")  # elements read below <robot>; transmissions, materials and plug-ins are not read
-SHAPES = ("visual", "collision")  # skipped in every part
+SHAPES = ("visual", "collision")  # kept aside in links, skipped elsewhere
+SIZES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}}
+SIZES |= {"capsule": SIZES["cylinder"], "mesh": {}}  # attributes of a shape, and how many numbers each has
 
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?|[+-]?nan", re.ASCII | re.IGNORECASE)
@@ -110,6 +113,8 @@ class ReadingOptions:
     max_links: int = 1000
     max_name: int = 200  # characters; unprintable ones count as Python's escapes
     max_text: int = 80  # characters of a value that a message quotes
+    largest_shape: float = 1e4  # m: largest size of a collision shape
+    largest_scale: float = 1e6  # largest factor of a mesh's scale; its inverse is the smallest
     length_tolerance: float = 1e-3  # largest difference of an axis's or quaternion's length from 1 without a warning
 
 
@@ -118,12 +123,13 @@ OPTIONS = ReadingOptions()
 
 @dataclass(frozen=True, kw_only=True)
 class Element:
-    """One XML element that is read, and the line where it begins."""
+    """One XML element that is read, and the line where it begins; a link's ``shapes`` are not among its children."""
 
     tag: str
     attributes: dict[str, str]
     line: int
     children: list[Element] = field(default_factory=list)
+    shapes: list[Element] = field(default_factory=list)
 
     def find_all(self, tag: str) -> list[Element]:
         """Return the children of that tag, in order."""
@@ -140,13 +146,14 @@ class Element:
 
 
 def parse_elements(data: bytes, source: str) -> tuple[Element, list[int]]:
-    """Return the ``<robot>`` element without shapes, and the lines of macros that were not read.
+    """Return the ``<robot>`` element, and the lines of macros that were not read.
 
     Raises InvalidRobot, with ``source`` and the line, if the data are not the XML of a robot.
     """
     parser, count = expat.ParserCreate(), 0
     robot, unread_macros = list[Element](), list[int]()
     opened = list[Element | None]()  # None: inside a part that is skipped
+    shape_depth: int | None = None  # number of elements around the collision shape that is being read
 
     def error(message: str, line: int | None = None) -> InvalidRobot:
         number = parser.CurrentLineNumber if line is None else line
@@ -156,7 +163,7 @@ def parse_elements(data: bytes, source: str) -> tuple[Element, list[int]]:
         raise error("the file must have no DOCTYPE, as no robot needs entities, got one")
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal count
+        nonlocal count, shape_depth
         count += 1
         if count > OPTIONS.max_elements:
             raise error(f"the file must have at most {OPTIONS.max_elements:,} elements, got more")
@@ -170,15 +177,27 @@ def parse_elements(data: bytes, source: str) -> tuple[Element, list[int]]:
             robot.append(element)
         elif below_robot and element.is_macro:  # the macro may stand for any number of links and joints
             raise error(f"the robot must be expanded by xacro, got the macro <{tag[:80]}>")
-        elif parent is None or (below_robot and tag not in PARTS) or tag in SHAPES:
+        elif parent is None or (below_robot and tag not in PARTS) or (tag in SHAPES and shape_depth is None):
             unread_macros.extend([element.line] * element.is_macro)
-            opened.append(None)
+            if tag not in SHAPES or parent is None or parent.tag != "link" or len(opened) != 2:
+                opened.append(None)
+                return
+            parent.shapes.append(element)
+            shape_depth = len(opened) if tag == "collision" else None
+            opened.append(element if tag == "collision" else None)
             return
         else:
+            unread_macros.extend([element.line] * (element.is_macro and shape_depth is not None))
             parent.children.append(element)
         opened.append(element)
 
-    parser.StartElementHandler, parser.EndElementHandler = start, lambda _: opened.pop()
+    def end(_: str) -> None:
+        nonlocal shape_depth
+        opened.pop()
+        if len(opened) == shape_depth:
+            shape_depth = None
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.StartDoctypeDeclHandler = doctype
     try:
         parser.Parse(data, True)
@@ -217,7 +236,7 @@ def read_robot(file: Path) -> RobotDescription:
         reader.fault(root, "the robot must have a link, got none")
     elif count > OPTIONS.max_links:
         reader.fault(root, f"the robot must have at most {OPTIONS.max_links} links, got {count}")
-    links = {name: _read_link(name, each, reader.part(f"link {name!r}")) for name, each in elements["link"].items()}
+    links = {name: _read_link(name, each, reader) for name, each in elements["link"].items()}
     joints = {name: _read_joint(name, each, reader) for name, each in elements["joint"].items()}
     for name, fault in find_mimic_faults(joints):
         joints[name] = replace(joints[name], faults=(*joints[name].faults, (joints[name].line, fault)))
@@ -368,7 +387,58 @@ class _Reader:
             self.fault(macro, f"must be expanded by xacro, got the macro <{macro.tag[: OPTIONS.max_text]}>")
 
 
-def _read_link(name: str, element: Element, reader: _Reader) -> LinkDescription:
+def _read_link(name: str, element: Element, whole: _Reader) -> LinkDescription:
+    shapes, aside = list[ShapeDescription](), _Reader(f"link {name!r}", whole.version)
+    for part in element.shapes:
+        if part.tag == "collision" and (shape := _read_shape(name, part, aside)) is not None:
+            shapes.append(shape)
+    return replace(
+        _read_inertial(name, element, whole.part(f"link {name!r}")),
+        shapes=tuple(shapes),
+        has_visuals=any(part.tag == "visual" for part in element.shapes),
+        shape_faults=tuple(aside.faults),
+        shape_warnings=tuple(aside.warnings),
+    )
+
+
+def _read_shape(link: str, element: Element, reader: _Reader) -> ShapeDescription | None:
+    """Return a collision shape, None if it has a fault."""
+    before = len(reader.faults)
+    reader.no_macros(element)
+    pose, geometry = reader.origin(element), reader.child(element, "geometry")
+    parts = geometry.children if geometry else []
+    if len(parts) != 1 or parts[0].tag not in SIZES:
+        if len(reader.faults) == before:
+            got = ", ".join(f"<{part.tag[: OPTIONS.max_text]}>" for part in parts[:3]) or "none"
+            reader.fault(geometry or element, f"a collision must have one of {', '.join(SIZES)}, got {got}")
+        return None
+    (part,) = parts
+    sizes, file = list[float](), ""
+    scale: Numbers = (1.0, 1.0, 1.0)
+    for attribute, count in SIZES[part.tag].items():
+        values = reader.numbers(part, attribute, count=count) or ()
+        wish = f"{part.tag} {attribute} must be"
+        if values and min(values) <= 0:
+            reader.fault(part, f"{wish} positive, got {min(values):g} m")
+        elif values and max(values) > OPTIONS.largest_shape:
+            reader.fault(part, f"{wish} at most {OPTIONS.largest_shape:g} m, got {max(values):g} m")
+        sizes += values
+    if part.tag == "mesh":
+        file = part.attributes.get("filename", "")
+        if not file:
+            reader.fault(part, "<mesh> must have filename, got none")
+        scale = reader.numbers(part, "scale", "1 1 1", 3) or scale
+        if not all(1 / OPTIONS.largest_scale <= abs(value) <= OPTIONS.largest_scale for value in scale):
+            wish = f"mesh scale must be from {1 / OPTIONS.largest_scale:g} to {OPTIONS.largest_scale:g} in size"
+            reader.fault(part, f"{wish}, got {' '.join(f'{value:g}' for value in scale)}")
+    if pose is None or len(reader.faults) > before:
+        return None
+    return ShapeDescription(
+        link=link, kind=part.tag, sizes=tuple(sizes), file=file, scale=scale, pose=pose, line=element.line
+    )
+
+
+def _read_inertial(name: str, element: Element, reader: _Reader) -> LinkDescription:
     reader.no_macros(element)
     inertial = reader.child(element, "inertial")
     if inertial is None:
