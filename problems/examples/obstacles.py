@@ -2,8 +2,8 @@
 # # Obstacles
 #
 # Links are capsules of `link_radius`, one number or one per link; obstacles are circles, spheres, capsules, boxes and
-# half-spaces. The clearance of the links is a limit, `pk.Limits(clearance=)`, and can be an objective too: the front then
-# says what each millimetre costs.
+# half-spaces. The clearance of the links is a limit, `pk.Limits(clearance=)`, and can be an objective too: the front
+# then says what each millimetre costs.
 
 # %%
 import warnings
@@ -39,8 +39,8 @@ for energy, clearance in front.objectives:
     print(f"{energy:.4g} J s keeps {clearance * 1e3:.1f} mm")
 
 # %% [markdown]
-# In space obstacles are balls, boxes and capsules; a rotated box is centred on a pose. A half-space is all points behind
-# a plane, such as a table. Messages use the name of an obstacle, if it has one.
+# In space obstacles are balls, boxes and capsules; a rotated box is centred on a pose. A half-space is all points
+# behind a plane, such as a table. Messages use the name of an obstacle, if it has one.
 
 # %%
 table = pk.obstacles.HalfSpace([0.0, 0.0, -0.02], normal=[0.0, 0.0, 1.0], name="table")
