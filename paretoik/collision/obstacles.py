@@ -122,7 +122,7 @@ class HalfSpace:
     """All points behind a plane, such as a table or a wall.
 
     point: any point of the plane [m], (3,) or, for a vertical plane through a line in the xy-plane, (2,)
-    normal: direction out of the half-space, as long as ``point``; normalised
+    normal: direction out of the half-space, with as many numbers as ``point``; normalised
     name: name in messages, as of ``Circle``
 
     The distance of a link is the smaller one of its two ends. Raises InvalidInput for other shapes and a zero normal.

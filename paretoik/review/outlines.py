@@ -104,8 +104,8 @@ class SlabOptions:
     lines: number of hatching lines in space
     """
 
-    margin: float = 0.05
-    near: float = 0.5
+    margin: float = 0.1
+    near: float = 0.75
     depth: float = 0.04
     lines: int = 12
 

@@ -167,7 +167,7 @@ def _followed_tasks(arm: Arm, given: Path | Task | Sequence[Path | Task], *, red
 
 
 def _check_immovable_links(task: MotionTask) -> None:
-    """Raise InvalidInput if an obstacle overlaps the base or another link that no joint moves."""
+    """Raise InvalidInput if an obstacle overlaps the base, another link that no joint moves, or an end that stays."""
     if not task.obstacles:
         return
     lower, upper = task.arm.position_limits.T
@@ -177,12 +177,13 @@ def _check_immovable_links(task: MotionTask) -> None:
     nodes = link_nodes(task.arm, lower + shares * (upper - lower))
     still = np.linalg.norm(np.ptp(nodes, axis=0), axis=1) <= LIMIT_TOLERANCE * characteristic_length(task.arm)
     smallest = min(task.min_clearance, 0.0) - LIMIT_TOLERANCE * task.clearance_range
-    for link in np.flatnonzero(still[:-1] & still[1:]).tolist():
-        radius = radius_of(task.link_radius, link)
+    for link in np.flatnonzero(still[:-1] | still[1:]).tolist():
+        radius, ends = radius_of(task.link_radius, link), [end for end in (link, link + 1) if still[end]]
         for number, obstacle in enumerate(task.obstacles):
-            distance = float(signed_distance(obstacle, nodes[0, link], nodes[0, link + 1])) - radius
+            distance = float(signed_distance(obstacle, nodes[0, ends[0]], nodes[0, ends[-1]])) - radius
             if distance < smallest:
                 part = f"link {link}, which no joint moves" if link else "the base, which does not move"
+                part = part if len(ends) == 2 else f"the end of link {link} that no joint moves"
                 links = "links have" if isinstance(task.link_radius, float) else "it has"
                 raise InvalidInput(
                     f"obstacles: {describe_obstacle(task.obstacles, number)}, must be clear of {part}, got "

@@ -1,8 +1,9 @@
 # %% [markdown]
 # # Obstacles
 #
-# Links are capsules of `link_radius`; obstacles are circles, spheres, capsules and boxes. The clearance of the links is
-# a limit, `pk.Limits(clearance=)`, and can be an objective too: the front then says what each millimetre costs.
+# Links are capsules of `link_radius`, one number or one per link; obstacles are circles, spheres, capsules, boxes and
+# half-spaces. The clearance of the links is a limit, `pk.Limits(clearance=)`, and can be an objective too: the front
+# then says what each millimetre costs.
 
 # %%
 import warnings
@@ -38,10 +39,11 @@ for energy, clearance in front.objectives:
     print(f"{energy:.4g} J s keeps {clearance * 1e3:.1f} mm")
 
 # %% [markdown]
-# In space obstacles are balls, boxes (a table) and capsules; a rotated box is centred on a pose.
+# In space obstacles are balls, boxes and capsules; a rotated box is centred on a pose. A half-space is all points
+# behind a plane, such as a table. Messages use the name of an obstacle, if it has one.
 
 # %%
-table = pk.obstacles.Box([0.5, 0.0, -0.02], [0.5, 0.5, 0.02])
+table = pk.obstacles.HalfSpace([0.0, 0.0, -0.02], normal=[0.0, 0.0, 1.0], name="table")
 tilted = pk.obstacles.Box(pk.Pose.from_rpy([0.4, 0.3, 0.2], [0.0, 0.3, 0.0]), [0.1, 0.1, 0.1])
 print(table, tilted, pk.obstacles.Sphere([0.4, 0.3, 0.4], 0.1), sep="\n")
 

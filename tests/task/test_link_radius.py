@@ -163,3 +163,11 @@ def test_the_message_about_the_base_has_its_own_radius():
 def test_nodes_and_links_are_as_many_as_the_message_says():
     for arm in (ARM, pk.arms.wan_7r()):
         assert link_nodes(arm, np.zeros(arm.dof)).shape == (arm.dof + 2, 3)
+
+
+def test_an_end_that_no_joint_moves_counts_with_the_radius_of_its_own_link():
+    floor = [pk.obstacles.HalfSpace([0.0, -0.02], [0.0, 1.0], name="floor")]
+    said = "the obstacle floor, a half-space, must be clear of the end of link 1 that no joint moves"
+    with pytest.raises(InvalidInput, match=said):
+        pk.Tracking(ARM, PATH, objectives=[pk.kinetic_energy], obstacles=floor, link_radius=[0.0, 0.03, 0.0, 0.0])
+    pk.Tracking(ARM, PATH, objectives=[pk.kinetic_energy], obstacles=floor, link_radius=[0.0, 0.01, 0.0, 0.0])

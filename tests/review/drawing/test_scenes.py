@@ -37,8 +37,9 @@ def planar() -> pk.Tracking:
             pk.obstacles.Box(pk.Pose.planar(0.1, 0.6, 0.6), [0.12, 0.05]),
             pk.obstacles.Sphere([0.2, -0.5, 0.03], 0.1),
             pk.obstacles.Capsule([0.5, -0.6, -0.1], [0.8, -0.5, 0.1], 0.05),
+            pk.obstacles.HalfSpace([-0.4, 0.0], [1.0, 0.1], name="wall"),
         ],
-        link_radius=0.01,
+        link_radius=[0.0, 0.02, 0.015, 0.01],
     )
 
 
@@ -55,8 +56,9 @@ def spatial() -> pk.Tracking:
             pk.obstacles.Box(pk.Pose.from_rpy((-0.5, 0.0, 0.2), (0.3, 0.2, 0.4)), [0.1, 0.2, 0.05]),
             pk.obstacles.Capsule([-0.3, 0.8, 0.2], [-0.5, 0.9, 0.6], 0.04),
             pk.obstacles.Circle([-0.5, -0.6], 0.05),
+            pk.obstacles.HalfSpace([0.0, 0.0, -0.1], [0.0, 0.1, 1.0], name="floor"),
         ],
-        link_radius=0.02,
+        link_radius=[0.03, 0.02, 0.02, 0.02, 0.01],
     )
 
 

@@ -248,6 +248,8 @@ class Examples:
             "obstacles.Sphere.center": lambda: (0.3, 0.0, 0.1),
             "obstacles.Box.center": lambda: (0.3, 0.0, 0.1),
             "half_sizes": lambda: (0.1, 0.1, 0.1),
+            "normal": lambda: (0.0, 0.0, 1.0),
+            "point": lambda: (0.3, 0.0, 0.1),
             "radius": lambda: 0.05,
             "start": lambda: (0.3, 0.0),
             "end": lambda: (0.2, 0.1),
