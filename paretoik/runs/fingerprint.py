@@ -222,13 +222,15 @@ def class_parts(kind: type) -> dict[str, object]:
 def object_state(value: Any) -> Mapping[str, object]:
     """Return the attributes that define an object, by name, without values that are computed from them.
 
-    - data classes: fields
+    - data classes: fields; those that count only if given, unless they are None
     - users' and paretoik's objects, pymoo problems: attributes, except those that an evaluation writes
     - other libraries' objects: the parts that pickle takes
     """
     kind = type(value)
     if is_dataclass(kind):
-        return {each.name: getattr(value, each.name) for each in fields(kind) if hasattr(value, each.name)}
+        state = {each.name: getattr(value, each.name) for each in fields(kind) if hasattr(value, each.name)}
+        optional = [each.name for each in fields(kind) if each.metadata.get("counts_if_given")]
+        return {name: part for name, part in state.items() if name not in optional or part is not None}
     is_problem = any(base.__module__ == PYMOO for base in kind.__mro__)
     if is_library(kind.__module__) and kind.__module__.partition(".")[0] != OURS and not is_problem:
         try:
