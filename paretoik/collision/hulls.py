@@ -222,7 +222,7 @@ def _cut(part: _Part, normal: Vector3, offset: float) -> list[_Part] | None:
         if not len(triangles):
             return None
         try:
-            hull = convex_hull(np.unique(triangles.reshape(-1, 3), axis=0))
+            hull = convex_hull(triangles.reshape(-1, 3))
         except InvalidInput:
             return None
         sides.append(_Part(triangles, hull, enclosed_volume(triangles)))

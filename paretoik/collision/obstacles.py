@@ -25,7 +25,7 @@ def __dir__() -> list[str]:
 
 def _name() -> Any:
     """Return the field of a name. Names change no motion, and the fingerprint of a problem leaves them out."""
-    return field(default="", metadata={"fingerprint": False})
+    return field(default="", metadata={"fingerprint": "never"})
 
 
 @represented

@@ -55,7 +55,7 @@ class SerialChain:
     source: Path | None = None
     source_digest: str | None = None
     notices: tuple[str, ...] = ()
-    geometry: LinkGeometry | None = None
+    geometry: LinkGeometry | None = field(default=None, metadata={"fingerprint": "if given"})
 
     def __post_init__(self) -> None:
         """Check names, types and limits; make the arrays read-only."""

@@ -222,14 +222,15 @@ def class_parts(kind: type) -> dict[str, object]:
 def object_state(value: Any) -> Mapping[str, object]:
     """Return the attributes that define an object, by name, without values that are computed from them.
 
-    - data classes: fields, except those with ``metadata={"fingerprint": False}``
+    - data classes: fields; ``metadata={"fingerprint": ...}`` says "never", or "if given": unless it is None
     - users' and paretoik's objects, pymoo problems: attributes, except those that an evaluation writes
     - other libraries' objects: the parts that pickle takes
     """
     kind = type(value)
     if is_dataclass(kind):
-        counted = [each.name for each in fields(kind) if each.metadata.get("fingerprint", True)]
-        return {name: getattr(value, name) for name in counted if hasattr(value, name)}
+        counts = {each.name: each.metadata.get("fingerprint", "always") for each in fields(kind)}
+        state = {name: getattr(value, name) for name in counts if counts[name] != "never" and hasattr(value, name)}
+        return {name: part for name, part in state.items() if counts[name] == "always" or part is not None}
     is_problem = any(base.__module__ == PYMOO for base in kind.__mro__)
     if is_library(kind.__module__) and kind.__module__.partition(".")[0] != OURS and not is_problem:
         try:

@@ -67,3 +67,16 @@ def test_check_robot_takes_soft_limits_and_repairs_inertias_when_asked(paretoik,
     repaired = paretoik("check-robot", file, "--repair-inertias")
     assert repaired.code == 0
     assert " ".join(repaired.out.split()).endswith("its principal moments are now 4.5, 4.5 and 9 kg m² no faults")
+
+
+def test_check_robot_shows_the_bodies_of_links_when_asked(paretoik, tmp_path):
+    file = tmp_path / "box.urdf"
+    file.write_text(
+        "<robot name='r'><link name='a'/><link name='b'><collision><geometry><box size='1 2 3'/></geometry></collision>"
+        "</link><joint name='j' type='continuous'><parent link='a'/><child link='b'/></joint></robot>"
+    )
+    shown = paretoik("check-robot", file, "--collision", "--package", f"things={tmp_path}")
+    assert "b     j         1       box    0.0           1.000" in shown.out
+    (row,) = strict(paretoik("check-robot", file, "--collision", "--json").out)["collision"]
+    assert row["link"] == "b"
+    assert paretoik("check-robot", file, "--collision", "--package", "things").code == 2
