@@ -36,7 +36,7 @@ def test_splines_keep_between_samples_what_differences_exceed_and_losses_come_fi
     assert compared.tightened.violation == pytest.approx(compared.reported, abs=2e-5)
     assert "acceleration" in compared.central.where
     assert 0 <= compared.cost < 0.2
-    lost = replace(compared, name="lost", tightened=replace(compared.tightened, violation=0.5))
+    lost = compared._replace(name="lost", tightened=compared.tightened._replace(violation=0.5))
     rows = table_rows([compared, lost])
     assert rows[0].ours == 1
     assert [row.row for row in rows if row.column == "tightened"] == ["lost", "line"]
