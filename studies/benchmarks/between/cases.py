@@ -1,7 +1,7 @@
 """Random problems with active limits, which the best motion without limits exceeds; how far motions exceed limits.
 
 Motions are judged by positions ``at(t)`` on a finer grid. Velocities and accelerations are differences of positions at
-distances of ``STEPS`` of a sample's interval, all on one side of the instant, towards the middle of the interval: the
+distances of ``STEP`` of a sample's interval, all on one side of the instant, towards the middle of the interval: the
 acceleration may have kinks at samples. Shorter steps would show the error of Newton's method onto the path.
 """
 
@@ -27,7 +27,7 @@ from paretoik.trajectory.transcription import motion_program
 from problems import panda
 
 FINER = 50
-STEPS = 1 / 40, 1 / 160  # of an interval: five of the largest fit into half of it
+STEP = 1 / 40  # of an interval: five of them fit into half of it
 FORWARD = {  # weights of six neighbours for the first and second derivative (Fornberg 1988, table 3)
     1: (-137 / 60, 5.0, -5.0, 10 / 3, -5 / 4, 1 / 5),
     2: (15 / 4, -77 / 6, 107 / 6, -13.0, 61 / 12, -5 / 6),
@@ -35,15 +35,8 @@ FORWARD = {  # weights of six neighbours for the first and second derivative (Fo
 
 
 def worst_violation(task: MotionTask, motion: Motion, finer: int = FINER) -> tuple[float, str]:
-    """Return a motion's largest violation of a limit, a share of its range, and its place in words.
-
-    Of two steps of differences, the one with the smaller violation counts: either has an error of its own.
-    """
-    shortest = float(np.diff(task.times).min())
-    return min((_worst_violation(task, motion, finer, share * shortest) for share in STEPS), key=lambda each: each[0])
-
-
-def _worst_violation(task: MotionTask, motion: Motion, finer: int, step: float) -> tuple[float, str]:
+    """Return a motion's largest violation of a limit, a share of its range, and its place in words."""
+    step = STEP * float(np.diff(task.times).min())
     share = np.arange(finer + 1) / finer
     times = task.times[:-1, None] + np.diff(task.times)[:, None] * share
     halves = times[:, share < 0.5].ravel(), times[:, share >= 0.5].ravel()
