@@ -1,8 +1,8 @@
 """Random problems with active limits, which the best motion without limits exceeds; how far motions exceed limits.
 
 Motions are judged by positions ``at(t)`` on a finer grid. Velocities and accelerations are differences of positions at
-distances of ``STEP`` of a sample's interval, all on one side of the instant, towards the middle of the interval: the
-acceleration may have kinks at samples. Shorter steps would show the error of Newton's method onto the path.
+distances of ``STEPS`` of a sample's interval, all on one side of the instant, towards the middle of the interval: the
+acceleration may have kinks at samples.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from paretoik.trajectory.transcription import motion_program
 from problems import panda
 
 FINER = 50
-STEP = 1 / 40  # of an interval: five of them fit into half of it
+STEPS = 1 / 40, 1 / 160  # of an interval: five of the longer ones fit into half of it
 FORWARD = {  # weights of six neighbours for the first and second derivative (Fornberg 1988, table 3)
     1: (-137 / 60, 5.0, -5.0, 10 / 3, -5 / 4, 1 / 5),
     2: (15 / 4, -77 / 6, 107 / 6, -13.0, 61 / 12, -5 / 6),
@@ -35,15 +35,23 @@ FORWARD = {  # weights of six neighbours for the first and second derivative (Fo
 
 
 def worst_violation(task: MotionTask, motion: Motion, finer: int = FINER) -> tuple[float, str]:
-    """Return a motion's largest violation of a limit, a share of its range, and its place in words."""
-    step = STEP * float(np.diff(task.times).min())
+    """Return a motion's largest violation of a limit, a share of its range, and its place in words.
+
+    At each instant the smaller violation of two steps of differences counts: the longer one fails next to a jump of the
+    jerk, the shorter one shows the error of Newton's method.
+    """
+    shortest = float(np.diff(task.times).min())
     share = np.arange(finer + 1) / finer
     times = task.times[:-1, None] + np.diff(task.times)[:, None] * share
     halves = times[:, share < 0.5].ravel(), times[:, share >= 0.5].ravel()
-    judged = [motion_at(motion, half, side * step) for half, side in zip(halves, (1, -1), strict=True)]
-    values = [float(task.violations(each).max(initial=0.0)) for each in judged]
-    worst = int(np.argmax(values))
-    return values[worst], task.describe_violation(judged[worst])
+    found = list[tuple[float, str]]()
+    for half, side in zip(halves, (1, -1), strict=True):
+        judged = [motion_at(motion, half, side * step * shortest) for step in STEPS]
+        violations = [task.violations(each) for each in judged]
+        value = float(np.minimum(*violations).max(initial=0.0))
+        nearest = judged[int(np.argmin([each.max(initial=0.0) for each in violations]))]
+        found.append((value, task.describe_violation(nearest) if value > 0 else ""))
+    return max(found)
 
 
 def motion_at(motion: Motion, times: np.ndarray, step: float) -> Motion:

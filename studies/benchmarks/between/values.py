@@ -23,7 +23,7 @@ import paretoik as pk
 from paretoik.errors import ParetoikError
 from paretoik.task.differences import evaluate_with_midpoints
 from paretoik.task.motion import Motion
-from studies.benchmarks.between.cases import STEP, motion_at, random_path
+from studies.benchmarks.between.cases import STEPS, motion_at, random_path
 from studies.reporting import Row, goal_row, report, study_parser, tell
 
 FINER = 200
@@ -84,7 +84,7 @@ def true_values(motions: Motion, objectives: Sequence[Any]) -> Float[np.ndarray,
 
 
 def _values_of_curve(motion: Motion, objectives: Sequence[Any]) -> list[float]:
-    step = STEP * float(np.diff(motion.time).min())
+    step = STEPS[0] * float(np.diff(motion.time).min())
     times = (motion.time[:-1, None] + np.diff(motion.time)[:, None] * (np.arange(FINER) + 0.5) / FINER).ravel()
     middle = times < np.repeat((motion.time[:-1] + motion.time[1:]) / 2, FINER)
     values = np.empty((len(objectives), len(times)))
