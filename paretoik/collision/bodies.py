@@ -15,7 +15,6 @@ from paretoik.collision.meshes import read_mesh
 from paretoik.errors import InvalidInput
 from paretoik.file_paths import missing_file
 from paretoik.inputs import check_mapping, file_path, likely_spelling, listed, shown
-from paretoik.robot.chain import SerialChain
 from paretoik.robot.pose import Frame, Pose
 from paretoik.robot.urdf_description import Fault, Numbers, RobotDescription, ShapeDescription
 
@@ -118,11 +117,6 @@ class Bodies:
             pose = motion @ piece.pose if piece.joint == joint else piece.pose
             pieces.append(replace(piece, joint=piece.joint - (piece.joint >= joint), pose=pose))
         return replace(self, pieces=tuple(pieces))
-
-
-def bodies_of(arm: SerialChain) -> Bodies | None:
-    """Return the bodies of an arm that was read with ``collision=True``, else None."""
-    return arm.geometry if isinstance(arm.geometry, Bodies) else None
 
 
 # Bodies from the shapes of a URDF.

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from paretoik.collision.bodies import Primitive, bodies_of
+from paretoik.collision.bodies import Primitive
 from paretoik.collision.hulls import Hull
 from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.robot.arm import Arm
@@ -168,14 +168,13 @@ def small(write_urdf_to, *shapes, more=""):
 
 def test_tools_mounts_and_copies_keep_the_bodies(tmp_path):
     arm = Arm.from_urdf(small(tmp_path / "r.urdf", shape('<capsule radius="0.1" length="0.4"/>')), collision=True)
-    (piece,) = bodies_of(arm).pieces
+    (piece,) = arm.geometry.pieces
     assert piece.shape == Primitive(kind="capsule", sizes=(0.1, 0.4))
     assert piece.shape.volume == pytest.approx(np.pi * 0.01 * 0.4 + 4 / 3 * np.pi * 0.001)
     moved = arm.with_tool(Pose([1, 0, 0]), mass=1.0).mounted(base=Pose([0, 0, 2.0]))
     assert moved.geometry is arm.geometry
     plain = Arm.from_urdf(tmp_path / "r.urdf")
     assert plain.geometry is None
-    assert bodies_of(plain) is None
     assert fingerprint(plain) != fingerprint(arm)
 
 
